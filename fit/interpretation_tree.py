@@ -19,6 +19,8 @@ from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 
 NULL = -1
 """The face of a touch that is none of the model's."""
+MOST = 100
+"""Assignments that are verified."""
 
 @dataclass(frozen=True)
 class FaceModel:
@@ -116,16 +118,15 @@ def interpret(
     normals: Float[np.ndarray, "touch 3"],
     model: FaceModel,
     *,
-    angle_rad: float = 0.2,
-    distance_m: float = 4e-3,
+    angle_rad: float,
+    distance_m: float,
     most_null: int = 0,
-    most: int = 100,
 ) -> list[Interpretation]:
     """Interpretations of touches [m] with outward normals, best first; empty if none is possible.
 
     The best are those of least distances. `angle_rad` and `distance_m` bound the errors of a normal
     and a point. At most `most_null` touches belong to no face, and as few as possible. At most
-    `most` assignments are verified; symmetric bodies have several equivalent ones. Raises
+    `MOST` assignments are verified; symmetric bodies have several equivalent ones. Raises
     ValueError for arrays of the wrong shape.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
@@ -143,11 +144,11 @@ def interpret(
         # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
         branches = np.concatenate([
             np.column_stack([branches[branch], face]),
-            np.column_stack([spare, np.full(len(spare), NULL)])])[: 50 * most]
+            np.column_stack([spare, np.full(len(spare), NULL)])])[: 50 * MOST]
     nulls = (branches == NULL).sum(1)
     for null in range(most_null + 1):  # with fewer left over, those with more explain nothing new
         found = [_verified(points, normals, model, branch, angle_rad, distance_m)
-                 for branch in branches[nulls == null][:most]]
+                 for branch in branches[nulls == null][:MOST]]
         good = [f for f in found if f is not None]
         if good:
             return sorted(good, key=lambda f: f.rms_m)
@@ -218,18 +219,3 @@ def model_of_planes(
     """
     faces = polyhedron_faces(normals, offset_m)
     return FaceModel(name, tuple(corners for corners in faces if len(corners)))
-
-
-def block_model(name: str, size_m: tuple[float, float, float]) -> FaceModel:
-    """A block of full size x, y, z [m] centred on the origin."""
-    half = np.asarray(size_m) / 2
-    square = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], float)
-    faces = []
-    for axis in range(3):
-        for side in (1.0, -1.0):
-            corners = np.empty((4, 3))
-            corners[:, axis] = side
-            corners[:, (axis + 1) % 3] = square[:, 0]
-            corners[:, (axis + 2) % 3] = square[:, 1]
-            faces.append((corners if side > 0 else corners[::-1]) * half)
-    return FaceModel(name, tuple(faces))

@@ -52,7 +52,7 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: b
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0),
                   header_style="" if os.environ.get("NO_COLOR") else "bold")
     for n, name in enumerate(header):
-        numeric = bool(rows) and all(_is_number(row[n]) for row in rows)
+        numeric = bool(rows) and all(is_number(row[n]) for row in rows)
         table.add_column(Text(name), justify="right" if numeric else "left", no_wrap=True)
     for row in rows:
         table.add_row(*(Text(on_one_line(cell)) for cell in row))
@@ -62,7 +62,8 @@ def print_table(header: Sequence[str], rows: Sequence[Sequence[str]], as_json: b
     print("\n".join(line.rstrip() for line in printed.get().splitlines()))
 
 
-def _is_number(text: str) -> bool:
+def is_number(text: str) -> bool:
+    """Whether a cell of a table is a number, or stands for one that is not known."""
     try:
         float(text)
     except ValueError:

@@ -172,6 +172,10 @@ def _utah_mit_places(table: HandTable, q_rad: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
+    # Kernels of chains, which the Utah-MIT hand does without.
+    from warpgrasp.chain_closing.chain_meeting import palm_of
+    from warpgrasp.chain_closing.chain_move import palm_and_wrist
+
     count = np.array([len(own) for own in chain.capsules])
     most = int(count.max())
     radius, joint = np.zeros((chain.fingers, most)), np.full((chain.fingers, most), -1)
@@ -187,9 +191,6 @@ def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
         for d, j in enumerate(chain.drives[f]):
             low[f, d], high[f, d] = finger.joints[j].low_rad, finger.joints[j].high_rad
     feels &= chain.model.senses != _FEELS_NOTHING
-    from warpgrasp.chain_closing.chain_meeting import palm_of
-    from warpgrasp.chain_closing.chain_move import palm_and_wrist
-
     bars, bar_radius = palm_and_wrist(chain, table)
     thinnest = min(float(own[:n].min()) for own, n in zip(radius, count, strict=True))
     within = np.concatenate([np.zeros((0, 3)), *(

@@ -60,8 +60,6 @@ class Truth:
     body_pose: np.ndarray
     """Where the objects truly stand, (world, 7)."""
     closings: list[ClosingTruth] = field(default_factory=list)
-    hand_poses: list[np.ndarray] = field(default_factory=list)
-    """True hand poses of each batch of grasps, (world, probe, 7)."""
     lines: list[LineTruth] = field(default_factory=list)
     """Guarded lines, in the order they were made."""
 
@@ -168,7 +166,6 @@ class Robot:
         if self.contact.self_contact:
             closing = self._without_self(closing, moves.believed_pose, commands_rad)
         self._truth.closings.append(truth)
-        self._truth.hand_poses.append(actual)
         self._probes_made += wanted.sum(1)
         self._state = moves.state
         estimate = self._own.estimate(closing, moves.believed_pose, commands_rad, self.arm,

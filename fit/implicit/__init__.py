@@ -10,5 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "query": ["ImplicitValues", "implicit_distance", "implicit_slopes",
         "implicit_values", "of_rows"],
     "record": ["ImplicitFit", "ImplicitOptions", "Mean", "TriangleMesh"],
-    "volume": ["VolumeEstimate", "implicit_volume", "surface_samples"],
+    "volume": ["NORMAL_90", "VolumeEstimate", "implicit_volume", "surface_samples"],
 })

@@ -33,13 +33,8 @@ def outlier_weights(
     square = deleted**2
     log_odds = (np.log(share / (1.0 - share)) + 0.5 * np.log(inside / outside)
                 + 0.5 * square * (1.0 / inside - 1.0 / outside))
+    # Odds beyond e^40 are certain to the last bit; their exponential would overflow.
     probability = 1.0 / (1.0 + np.exp(-np.clip(log_odds, -40.0, 40.0)))
     if at_first:
         return inlying / (inlying + probability * outlier**2)
     return 1.0 - probability * (1.0 - inlying / wide)
-
-
-def outlier_probability(weight, inlying, outlier) -> np.ndarray:
-    """Probability of an outlier that a weight of `outlier_weights` stands for."""
-    wide = inlying + np.asarray(outlier) ** 2
-    return (1.0 - np.asarray(weight)) / (1.0 - inlying / wide)

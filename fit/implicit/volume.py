@@ -23,7 +23,8 @@ SAMPLES = 256
 """Points of a surface at which the covariance is taken."""
 LEAST_SLOPE = 0.2
 """A slope of the distance below this counts as this much."""
-_NORMAL_90 = 1.6449
+NORMAL_90 = 1.6449
+"""A normal number is within so many standard deviations with probability 0.9."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +41,7 @@ class VolumeEstimate:
     def interval_m3(self) -> Float[np.ndarray, "fit 2"]:
         """90 % interval of each volume, log-normal, so that it is positive."""
         volume = np.maximum(self.volume_m3, 1e-12)
-        spread = np.exp(_NORMAL_90 * np.sqrt(np.log1p((self.std_m3 / volume) ** 2)))
+        spread = np.exp(NORMAL_90 * np.sqrt(np.log1p((self.std_m3 / volume) ** 2)))
         return np.stack([volume / spread, volume * spread], 1)
 
 

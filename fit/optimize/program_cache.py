@@ -21,7 +21,7 @@ import jax
 from jax.experimental import serialize_executable
 
 from fit.optimize.xla_flags import xla_flags_active
-from warpgrasp.core.cache_file import cache_root, drop_cached, read_cached, write_cached
+from warpgrasp.core.cache_file import cache_root, read_cached, write_cached
 
 
 def load_or_compile(name: str, function: Any, arguments: tuple) -> Callable:
@@ -66,11 +66,6 @@ def cpu_device() -> Any:
 def has_cached_programs() -> bool:
     """Whether the cache holds a program of this version."""
     return any(_folder().glob("*.xla"))
-
-
-def drop_programs() -> None:
-    """Removes the cached programs of this version: some may not run on this processor."""
-    drop_cached(_folder())
 
 
 @lru_cache(maxsize=1)

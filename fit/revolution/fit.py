@@ -50,7 +50,7 @@ def fit_revolution(
         "axis": np.tile([0.0, 0.0, 1.0], (n, 1)),
         "height_m": size[:, 2],
         "radius_m": np.repeat(0.25 * (size[:, :1] + size[:, 1:2]), options.nodes, axis=1),
-        **{name: np.zeros(n) for name in ("volume_m3", "rms_m", "cost", "volume_std_m3")},
+        **{name: np.zeros(n) for name in ("volume_m3", "rms_m", "cost")},
         "radius_std_m": np.zeros((n, options.nodes)),
         "iterations": np.zeros(n, int),
         "status": sets.status.copy(),
@@ -141,7 +141,7 @@ def _scale(theta, lanes: FitData, sets: Sets, options: RevolutionOptions) -> np.
 
 
 def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[str, np.ndarray]:
-    body, away, touches, others, slopes = _evaluated(end.theta, lanes, options)
+    body, away, touches, others = _evaluated(end.theta, lanes, options)
     information = touches + others
     position, axis, height, radius = body
     scale = sets.scale
@@ -159,7 +159,6 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
     cov = np.linalg.inv(information + np.eye(parameters))
     radius_std = np.sqrt(np.diagonal(cov, axis1=1, axis2=2)[:, 6:]) * radius
     volume = _even_volume(height, radius)
-    volume_std = np.sqrt(np.einsum("fi,fij,fj->f", slopes, cov, slopes))
     return {
         "position_m": position * scale[:, None] + sets.origin,
         "axis": np.where(up, axis, -axis),
@@ -169,7 +168,6 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
         "rms_m": np.sqrt(square / sets.count) * scale,
         "cost": end.cost,
         "radius_std_m": np.where(up, radius_std, radius_std[:, ::-1]) * scale[:, None],
-        "volume_std_m3": volume_std * scale**3,
         "iterations": end.iterations,
         "status": end.status,
     }

@@ -75,7 +75,6 @@ class RevolutionFit:
     cost: Float[np.ndarray, " fit"]
     radius_std_m: Float[np.ndarray, "fit node"]
     """Standard deviation of each radius [m], scaled by the residuals."""
-    volume_std_m3: Float[np.ndarray, " fit"]
     iterations: Int[np.ndarray, " fit"]
     status: Int[np.ndarray, " fit"]
     n_points: Int[np.ndarray, " fit"]

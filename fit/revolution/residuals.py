@@ -55,7 +55,6 @@ class Evaluated(NamedTuple):
     """JᵀJ of these touches."""
     body_information: Float[Array, "parameter parameter"]
     """JᵀJ of table, smoothing and priors."""
-    volume_slope: Float[Array, " parameter"]
 
 
 class Nearest(NamedTuple):
@@ -111,8 +110,7 @@ def evaluate(theta, data: FitData, options: RevolutionOptions) -> "Evaluated":
     s, rho, *_ = _half_plane(theta, data)
     return Evaluated(
         body, nearest_of_contour(body.height, body.radius, s, rho).distance,
-        _touch_sums(theta, data, options)[:-1, :-1], _of_body(theta, data, options).matrix,
-        jax.grad(_volume)(theta))
+        _touch_sums(theta, data, options)[:-1, :-1], _of_body(theta, data, options).matrix)
 
 
 def _touch_sums(theta, data: FitData, options: RevolutionOptions):
@@ -178,13 +176,6 @@ def _height(theta):
 
 def _radius(theta) -> Float[Array, " node"]:
     return jnp.exp(jnp.clip(theta[6:], -6.0, 3.0))
-
-
-def _volume(theta):
-    radius = _radius(theta)
-    low, high = radius[:-1], radius[1:]
-    frustums = low**2 + low * high + high**2
-    return jnp.pi / 3 * _height(theta) / (radius.shape[0] - 1) * jnp.sum(frustums)
 
 
 def _half_plane(theta, data: FitData):

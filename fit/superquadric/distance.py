@@ -15,13 +15,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from fit.optimize.xla_flags import force_materialize
+from fit.superquadric.geometry import MIN_TAPER_FACTOR
 
 Row = Float[Array, " #point"]
 
 TINY = 1e-12
 """Added to squared scaled coordinates; displaces the surface by less than a micrometre."""
-MIN_TAPER_FACTOR = 0.02
-"""Least scale of a tapered section, so that it never shrinks to a point."""
 MIN_AHEAD = 0.1
 """Lower bound of w: beyond the centre of the bend's circle the map would fold."""
 SMALL = 1e-4

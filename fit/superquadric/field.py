@@ -17,13 +17,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from fit.fit_status import Kind
-from fit.superquadric.distance import (
-    MIN_TAPER_FACTOR,
-    TINY,
-    soft_maximum,
-    straight_distance,
-    unbend,
-)
+from fit.superquadric.distance import TINY, soft_maximum, straight_distance, unbend
+from fit.superquadric.geometry import MIN_TAPER_FACTOR
 
 Rows = Any
 """Rows of numbers: an array [row, point], or a sequence of arrays."""

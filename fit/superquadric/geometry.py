@@ -86,7 +86,7 @@ def superquadric_volume(body: SuperquadricLike) -> Float[np.ndarray, " fit"]:
 
 
 def superquadric_surface(
-    body: SuperquadricLike, n: int = 1000
+    body: SuperquadricLike, n: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """At least `n` surface points [m], outward unit normals, and the area [m^2] of each point.
 
@@ -104,7 +104,7 @@ def superquadric_surface(
     return points, np.where(found, normals, facet), area
 
 
-def superquadric_areas(body: SuperquadricLike, n: int = 1000) -> tuple[np.ndarray, np.ndarray]:
+def superquadric_areas(body: SuperquadricLike, n: int) -> tuple[np.ndarray, np.ndarray]:
     """Points [m] and areas [m^2] of `superquadric_surface`."""
     return superquadric_points(body, n), np.linalg.norm(_facets(body, n), axis=-1)
 
@@ -126,9 +126,7 @@ def _facets(body: SuperquadricLike, n: int, chosen: np.ndarray | None = None) ->
     return 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
 
 
-def superquadric_points(
-    body: SuperquadricLike, n: int = 1000
-) -> Float[np.ndarray, "fit point 3"]:
+def superquadric_points(body: SuperquadricLike, n: int) -> Float[np.ndarray, "fit point 3"]:
     """Points [m] of `superquadric_surface`."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
     return from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from fit.superquadric.distance import MIN_TAPER_FACTOR, TINY
+from fit.superquadric.distance import TINY
 from fit.superquadric.field import Shape
+from fit.superquadric.geometry import MIN_TAPER_FACTOR
 
 NODES = 9
 """Initial heights: a bent body may have several local maxima."""

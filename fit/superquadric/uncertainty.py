@@ -26,6 +26,7 @@ FLAT = 0.1
 """Minimum gradient of the scaled radius times the half diagonal, except at the centre."""
 MIN_SIGMA_M = 1e-9
 """Minimum standard deviation of a touch [m]."""
+_NORMAL_90 = 1.645
 
 
 @dataclass(frozen=True)
@@ -40,10 +41,10 @@ class SuperquadricUncertainty:
     log_volume_shift: Float[np.ndarray, " fit"]
     """By how much the logarithm of the true volume is expected to exceed that of the fit."""
 
-    def volume_interval_m3(self, z: float = 1.645) -> np.ndarray:
-        """Lower and upper bound of the volume [m^3], shape [fit, 2]; 90 % for z = 1.645."""
+    def volume_interval_m3(self) -> np.ndarray:
+        """Lower and upper bound of the volume's 90 % interval [m^3], shape [fit, 2]."""
         spread = self.log_volume_shift[:, None] + (
-            z * self.log_volume_std[:, None] * np.array([-1.0, 1.0]))
+            _NORMAL_90 * self.log_volume_std[:, None] * np.array([-1.0, 1.0]))
         return self.volume_m3[:, None] * np.exp(spread)
 
 

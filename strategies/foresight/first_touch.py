@@ -26,7 +26,7 @@ _SHAPES = {"shape": "world", "pose": "world", "wanted": "world probe", "hand_pos
 
 def first_touches(
     bodies: Superquadric, hand: HandTable, closings: tuple[str, ...], hand_pose: np.ndarray,
-    wanted: np.ndarray, device: str = "cpu",
+    wanted: np.ndarray, device: str,
 ) -> np.ndarray:
     """Places in the base frame where fingers first meet the body of their world [m], (world, probe,
     grasp, finger, 3), NaN where they feel none.

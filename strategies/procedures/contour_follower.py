@@ -77,7 +77,6 @@ class _Follower:
         self.step = np.full(worlds, options.step_m)
         self.searching = np.zeros(worlds, bool)  # for the end, by halving
         self.found = np.full(worlds, np.nan)
-        self.nothing = np.full(worlds, np.nan)
         self.section = np.zeros(worlds, int)
         enough = np.ceil(_LONGER * np.where(good, axis.length_m, 0.0) / options.step_m)
         self.most_sections = np.maximum(enough.astype(int) + _MORE_SECTIONS, _LEAST_SECTIONS) if (
@@ -87,7 +86,7 @@ class _Follower:
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
-        self.log = TouchLog(worlds, self.pair.open_rad.shape[2])
+        self.log = TouchLog(self.pair.open_rad.shape[2])
 
     def run(self) -> ContourExploration:
         self._choose_azimuth()
@@ -98,8 +97,8 @@ class _Follower:
                 break
             self._take_section(rows)
         return ContourExploration(self.log.table(), self.reason, self.axis, self.pair.fingers[1],
-                                  self.found, self.nothing, self.rejected, self.touch_count,
-                                  self.time, self.path, self.log.missed())
+                                  self.found, self.rejected, self.touch_count, self.time,
+                                  self.path, self.log.missed())
 
     @property
     def frame(self) -> np.ndarray:
@@ -250,8 +249,6 @@ class _Follower:
         nothing &= ~never
         self.reason[rows[never & (self.place[rows] > self.axis.length_m[rows])]] = (
             EndReason.NO_CONTACT)
-        self.nothing[rows[nothing]] = np.fmin(self.nothing[rows[nothing]],
-                                              self.place[rows[nothing]])
         self._shift_from(rows[stopped], status[stopped])
         going = ~stopped & ~passed
         self._advance(rows[going], nothing[going])

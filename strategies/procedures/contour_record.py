@@ -74,8 +74,6 @@ class ContourExploration:
     found_m: np.ndarray
     """Highest place of the hand along the axis at which both fingers touched, from its foot,
     (world,). Round tips touch an edge from above, so it may lie a tip's radius above the object."""
-    nothing_m: np.ndarray
-    """Lowest place of the hand above it at which a finger found nothing; NaN where none did."""
     rejected: np.ndarray
     """Closings blocked without tactile contact."""
     touch_count: np.ndarray

@@ -30,66 +30,55 @@ class SectionProfile:
     """Of each node along the axis from the lower end, rising, (world, node); NaN after the last."""
     radius_m: np.ndarray
     """(world, node)."""
-    sections: np.ndarray
-    """Sections with two touches, (world,)."""
     volume_m3: np.ndarray
     """NaN where fewer than two sections were felt, as the two that follow."""
     largest_radius_m: np.ndarray
     length_m: np.ndarray
 
 
-def profile_by_sections(
-    exploration: ContourExploration, *, table_z_m: float | None = 0.0, split_m: float = SPLIT_M
-) -> SectionProfile:
-    """The contours of all worlds; with `table_z_m` the lowest radius is carried down to it."""
+def profile_by_sections(exploration: ContourExploration) -> SectionProfile:
+    """The contours of all worlds; the lowest radius is carried down to the table."""
     worlds = len(exploration.reason)
-    found = [_contour(exploration, world, table_z_m, split_m) for world in range(worlds)]
-    most = max((len(nodes) for _, nodes, _ in found), default=1)
+    found = [_contour(exploration, world) for world in range(worlds)]
+    most = max((len(nodes) for _, nodes in found), default=1)
     wide = np.stack([np.pad(nodes, ((0, most - len(nodes)), (0, 0)), constant_values=np.nan)
-                     for _, nodes, _ in found])
+                     for _, nodes in found])
     height, radius = wide[..., 0], wide[..., 1]
     low, high, step = radius[:, :-1], radius[:, 1:], np.diff(height, axis=1)
     known = np.isfinite(height[:, 0])
     nothing = np.where(known, 0.0, np.nan)
     return SectionProfile(
-        np.stack([foot for foot, _, _ in found]), height, radius,
-        np.array([count for _, _, count in found]),
+        np.stack([foot for foot, _ in found]), height, radius,
         np.pi / 3 * np.nansum(step * (low**2 + low * high + high**2), axis=1) + nothing,
         np.where(np.isfinite(radius), radius, -1.0).max(1) + nothing,
         np.where(np.isfinite(height), height, -1.0).max(1) + nothing)
 
 
-def _contour(
-    exploration: ContourExploration, world: int, table_z_m: float | None, split_m: float
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Foot (3,), nodes (node, height and radius) and number of sections of one world."""
+def _contour(exploration: ContourExploration, world: int) -> tuple[np.ndarray, np.ndarray]:
+    """Foot (3,) and nodes (node, height and radius) of one world."""
     axis = exploration.axis
-    centre, radius = section_circles(exploration, world, table_z_m)
+    centre, radius = section_circles(exploration, world)
     if len(centre) < 2:
-        return np.full(3, np.nan), np.full((1, 2), np.nan), len(centre)
+        return np.full(3, np.nan), np.full((1, 2), np.nan)
     along = axis.direction[world] / np.linalg.norm(axis.direction[world])
     height = (centre - axis.foot_m[world]) @ along
     order = np.argsort(height, kind="stable")
     height, radius = height[order], np.clip(radius[order], *_RADII_M)
-    begin = height[0]
-    if table_z_m is not None:
-        begin = (table_z_m - axis.foot_m[world, 2]) / max(along[2], 0.1)
-    nodes = linear_segments(height, radius, split_m)
+    begin = -axis.foot_m[world, 2] / max(along[2], 0.1)
+    nodes = linear_segments(height, radius, SPLIT_M)
     if begin < height[0]:
         nodes = np.concatenate([[[begin, nodes[0, 1]]], nodes])
     across = centre - axis.foot_m[world]
     across = np.median(across - (across @ along)[:, None] * along, axis=0)
-    return axis.foot_m[world] + across + begin * along, nodes - [begin, 0.0], len(centre)
+    return axis.foot_m[world] + across + begin * along, nodes - [begin, 0.0]
 
 
-def section_circles(
-    exploration: ContourExploration, world: int, table_z_m: float | None
-) -> tuple[np.ndarray, np.ndarray]:
+def section_circles(exploration: ContourExploration, world: int) -> tuple[np.ndarray, np.ndarray]:
     """Centres (section, 3) and radii (section,) [m] of the sections of a world with two touches,
     neither of which is of the table."""
     table, axis = exploration.touches, exploration.axis
     mine = np.flatnonzero((table.world == world) & np.isfinite(table.point_m).all(1)
-                          & np.isfinite(table.normal).all(1) & table.above(table_z_m))
+                          & np.isfinite(table.normal).all(1) & table.above_table())
     thumb = {table.part[row]: row for row in mine if table.finger[row] == exploration.thumb}
     index = {table.part[row]: row for row in mine if table.finger[row] != exploration.thumb}
     both = sorted(thumb.keys() & index.keys())

@@ -21,6 +21,7 @@ from strategies.procedures.contour_sections import SectionProfile, section_circl
 
 FIT = RevolutionOptions(nodes=10, upright=True, tilt_std_rad=np.radians(5), least_fall=1e-5)
 """An axis is known to some degrees [est], which touches of a short object do not tell better."""
+_SPACING_M = 0.010  # of nodes
 _LEAST_RADIUS_M = 0.005
 _TURNED_RAD = 0.1  # normals of all sections together, at least [est]
 
@@ -46,27 +47,22 @@ class Profile:
     """In the frame whose z is the axis as given, its origin that axis' foot."""
 
 
-def profile_of(
-    exploration: ContourExploration, *, table_z_m: float | None = 0.0, spacing_m: float = 0.010,
-    refine: bool = True, options: RevolutionOptions = FIT,
-) -> Profile:
+def profile_of(exploration: ContourExploration, *, refine: bool = True) -> Profile:
     """Refine the axes and make the contours of linear segments.
 
-    Nodes stand `spacing_m` apart; each is a weighted line through the touches near it. With
-    `table_z_m` the lowest radius is carried down to the table, else the touches are the ends.
-    Without `refine` the given direction is kept, through the middle of the fitted axis.
+    Each node is a weighted line through the touches near it; the lowest radius is carried down to
+    the table. Without `refine` the given direction is kept, through the middle of the fitted axis.
     """
     given = exploration.axis
     worlds = len(exploration.reason)
-    points, mask = exploration.touches.sets(worlds, exploration.touches.above(table_z_m))
+    points, mask = exploration.touches.sets(worlds, exploration.touches.above_table())
     ways, which = np.unique(np.nan_to_num(given.direction, nan=0.0), axis=0, return_inverse=True)
     turns = [_upright(way) for way in ways]
     to_axis, from_axis = ([each[k] for k in which.ravel()] for each in (
         turns, [turn.inv() for turn in turns]))
     local = np.stack([turn.apply(p - f) for turn, p, f in
                       zip(to_axis, points, np.nan_to_num(given.foot_m), strict=True)])
-    fit = fit_revolution(local, mask, options=options, middle=_middles(
-        exploration, to_axis, table_z_m))
+    fit = fit_revolution(local, mask, options=FIT, middle=_middles(exploration, to_axis))
     good = is_fitted(fit.status)
     axis_local = np.where(good[:, None], fit.axis, [0.0, 0.0, 1.0])
     point_local = np.where(good[:, None], fit.position_m, 0.0)
@@ -79,15 +75,12 @@ def profile_of(
     axis = np.stack([turn.apply(a) for turn, a in zip(from_axis, axis_local, strict=True)])
     through = np.stack([turn.apply(p) for turn, p in zip(from_axis, point_local, strict=True)])
     through = through + np.nan_to_num(given.foot_m)
-    bottom = np.where(mask, t, np.inf).min(1, initial=np.inf)
-    if table_z_m is not None:
-        bottom = (table_z_m - through[:, 2]) / np.maximum(axis[:, 2], 0.1)
+    bottom = -through[:, 2] / np.maximum(axis[:, 2], 0.1)
     top = np.where(mask, t, -np.inf).max(1, initial=-np.inf)
     known = good & (top > bottom)
     bottom, top = np.where(known, bottom, 0.0), np.where(known, top, 0.0)
     rows = np.flatnonzero(known)
-    nodes = _segments((t - bottom[:, None])[rows], rho[rows], mask[rows], (top - bottom)[rows],
-                      spacing_m)
+    nodes = _segments((t - bottom[:, None])[rows], rho[rows], mask[rows], (top - bottom)[rows])
     height, radius = (with_rows(np.full((worlds, each.shape[1]), np.nan), rows, each)
                       for each in nodes)
     expected = np.stack([np.interp(x, h[np.isfinite(h)], r[np.isfinite(h)]) if k else x * np.nan
@@ -103,9 +96,7 @@ def profile_of(
                    np.where(known, top - bottom, np.nan), np.where(known, rms, np.nan), fit)
 
 
-def _middles(
-    exploration: ContourExploration, to_axis: Sequence[Rotation], table_z_m: float | None
-) -> Middle:
+def _middles(exploration: ContourExploration, to_axis: Sequence[Rotation]) -> Middle:
     """Where the axes go through, by the sections' own circles, in the frames of the given axes.
 
     Both touches of a section are told by places and normals; without normals two opposite touches
@@ -114,7 +105,7 @@ def _middles(
     foot = np.nan_to_num(exploration.axis.foot_m)
     point, std = np.zeros((len(foot), 3)), np.full(len(foot), np.inf)
     for world, turn in enumerate(to_axis):
-        centre, radius = section_circles(exploration, world, table_z_m)
+        centre, radius = section_circles(exploration, world)
         if len(centre) > 1:
             own = turn.apply(centre - foot[world])
             point[world] = np.median(own, axis=0)
@@ -136,16 +127,16 @@ def _upright(direction: np.ndarray) -> Rotation:
 
 
 def _segments(
-    t: np.ndarray, rho: np.ndarray, mask: np.ndarray, length: np.ndarray, spacing: float
+    t: np.ndarray, rho: np.ndarray, mask: np.ndarray, length: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Nodes (world, node) from the foot to the top: local lines through the touches around each."""
-    most = max(int(np.ceil(length.max(initial=0.0) / spacing)), 1) + 1
-    count = np.maximum(np.ceil(length / spacing).astype(int), 1)
+    most = max(int(np.ceil(length.max(initial=0.0) / _SPACING_M)), 1) + 1
+    count = np.maximum(np.ceil(length / _SPACING_M).astype(int), 1)
     place = np.arange(most)[None]
     height = np.where(place <= count[:, None], place / count[:, None] * length[:, None], np.nan)
     lowest = np.where(mask, t, np.inf).min(1, initial=np.inf)
     at = np.clip(height, np.where(np.isfinite(lowest), lowest, 0.0)[:, None], None)
-    near = (t[:, None] - np.nan_to_num(at)[:, :, None]) / spacing
+    near = (t[:, None] - np.nan_to_num(at)[:, :, None]) / _SPACING_M
     weight = np.where(mask[:, None], np.exp(-0.5 * (near / 0.6) ** 2), 0.0) + 1e-12 * mask[:, None]
     total = np.maximum(weight.sum(2), 1e-300)
     mean_t, mean_r = (weight * near).sum(2) / total, (weight * rho[:, None]).sum(2) / total

@@ -151,7 +151,7 @@ class _Explorer:
         self.rejected = np.zeros(worlds, int)
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.log = TouchLog(worlds, self.one.commands_rad.shape[2])
+        self.log = TouchLog(self.one.commands_rad.shape[2])
         # The line before each world:
         self.phase = np.full(worlds, _Phase.APPROACH)
         self.way = np.zeros((worlds, 3))

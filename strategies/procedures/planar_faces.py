@@ -1,4 +1,4 @@
-"""Results of explored faces: planes, whether they are flat, angles and distances between them."""
+"""Results of explored faces: planes, whether they are flat, and angles between them."""
 
 from dataclasses import dataclass
 
@@ -11,6 +11,8 @@ from fit.plane_record import PlaneFit
 from strategies.procedures.planar_explorer import PlanarExploration
 
 _FACING_RAD = np.radians(35)
+FLAT_M = 0.001
+"""Touches of a flat face lie no farther off their plane, and bow no more [est]."""
 NARROWEST = 10.0
 """A face is at least so many times as wide as its touches lie off it, or it is not called flat
 [est]: its normal is told to some ten degrees then."""
@@ -24,8 +26,6 @@ class Face:
     """Outward, (world, 3)."""
     offset_m: np.ndarray
     """normal . x on the face, (world,)."""
-    share_on_plane: np.ndarray
-    """Touches that lie on the plane, of all, (world,)."""
     bow_m: np.ndarray
     """Sagitta of the touches along u and v: how far a parabola through them rises, (world, 2)."""
     flat: np.ndarray
@@ -34,14 +34,12 @@ class Face:
     """With extents, covariance and status; its normal may point inwards."""
 
 
-def planes_of(
-    exploration: PlanarExploration, *, flat_rms_m: float = 0.001, flat_bow_m: float = 0.001
-) -> Face:
+def planes_of(exploration: PlanarExploration) -> Face:
     """The robust plane of every world's touches.
 
-    A face is called flat if the touches on the plane lie within `flat_rms_m`, and no parabola along
-    u or v bows by more than `flat_bow_m`; a touch past an edge, or of what lies below, takes no
-    part. Of one so narrow that the touches hardly tell how it is turned it cannot be said.
+    A face is called flat if the touches on the plane lie within `FLAT_M`, and no parabola along u
+    or v bows by more than that; a touch past an edge, or of what lies below, takes no part. Of one
+    so narrow that the touches hardly tell how it is turned it cannot be said.
     """
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
@@ -52,12 +50,11 @@ def planes_of(
     part = fit_plane(points[rows], mask[rows])
     fit = rows_of(part, index)
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
-    share = (fit.weight > 0.05).sum(1) / np.maximum(mask.sum(1), 1)
     bow = _bow(exploration, rows)[index]
     wide = fit.extent_m.min(1) >= NARROWEST * fit.rms_m
-    flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= flat_rms_m) & wide
-            & (np.abs(bow) <= flat_bow_m).all(1))
-    return Face(fit.normal * outward[:, None], fit.offset_m * outward, share, bow, flat, fit)
+    flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= FLAT_M) & wide
+            & (np.abs(bow) <= FLAT_M).all(1))
+    return Face(fit.normal * outward[:, None], fit.offset_m * outward, bow, flat, fit)
 
 
 def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:
@@ -95,17 +92,3 @@ def _tip_variance(fit: PlaneFit, way: np.ndarray) -> np.ndarray:
     along_u = (fit.axes[:, 0] * way).sum(1)
     along_v = (fit.axes[:, 1] * way).sum(1)
     return fit.covariance[:, 0, 0] * along_v**2 + fit.covariance[:, 1, 1] * along_u**2
-
-
-def distance_between(one: Face, other: Face) -> np.ndarray:
-    """How far apart two opposing faces lie [m], (world,): between their middles, along the normals.
-
-    NaN where they do not oppose each other within 10 degrees.
-    """
-    across = one.normal - other.normal
-    length = np.linalg.norm(across, axis=1)
-    middle = (one.fit.centre_m - other.fit.centre_m)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        apart = (middle * across).sum(1) / length
-    opposing = (one.normal * other.normal).sum(1) < -np.cos(np.radians(10))
-    return np.where(opposing, apart, np.nan)

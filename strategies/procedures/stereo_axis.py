@@ -37,8 +37,6 @@ class StereoAxis:
     found: np.ndarray
     votes: np.ndarray
     """Edge pixels on the line of each camera, (world, camera 2)."""
-    angle_between_planes_rad: np.ndarray
-    """Near 0 the direction is worth little."""
 
 
 def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = None) -> StereoAxis:
@@ -56,7 +54,7 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     length = _pairs(lines, table.pixels) * (sine > _LEAST_SINE) * (
         along[..., 2] > np.cos(_LEAN_MOST_RAD))
     # Of pairs in one row each: the longest alone, or with its counterpart on the other side.
-    length, along, sine = (v.reshape(worlds, -1, *v.shape[3:]) for v in (length, along, sine))
+    length, along = (v.reshape(worlds, -1, *v.shape[3:]) for v in (length, along))
     one, other, total = _two_sided(length, along, lines, table.pixels)
     rows = np.arange(worlds)
     best = np.where(total > length.max(1), one, length.argmax(1))
@@ -67,8 +65,7 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     votes = np.stack([lines.votes[rows, camera, line] for camera, line in enumerate(
         np.divmod(best, lines.votes.shape[2]))], 1)
     return StereoAxis(np.where(found[:, None], direction, [0.0, 0.0, 1.0]), found,
-                      np.where(found[:, None], votes, 0),
-                      np.arcsin(np.clip(sine[rows, best], 0.0, 1.0)))
+                      np.where(found[:, None], votes, 0))
 
 
 def _pairs(lines: "EdgeLines", pixels: int) -> np.ndarray:

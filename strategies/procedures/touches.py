@@ -71,8 +71,6 @@ class TouchTable:
     """Touches in the order they were made, a row each; blocked moves are rows without a point."""
 
     world: np.ndarray
-    probe: np.ndarray
-    """Number of the touch within its world, from 0."""
     part: np.ndarray
     """Which part of the procedure: direction of a face, or section along an axis."""
     finger: np.ndarray
@@ -97,11 +95,9 @@ class TouchTable:
     def __len__(self) -> int:
         return len(self.world)
 
-    def above(self, table_z_m: float | None) -> np.ndarray:
-        """Which touches are not of the table, bool (row,); all where none is known (None)."""
-        if table_z_m is None:
-            return np.ones(len(self.world), bool)
-        return np.nan_to_num(self.point_m[:, 2] - table_z_m) > TABLE_MARGIN_M
+    def above_table(self) -> np.ndarray:
+        """Which touches are not of the table, bool (row,)."""
+        return np.nan_to_num(self.point_m[:, 2]) > TABLE_MARGIN_M
 
     def sets(self, worlds: int, keep: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:
         """Points (world, slot, 3) and mask (world, slot) of the contacts (and `keep`, (row,)).
@@ -135,11 +131,10 @@ class MissedTips:
 class TouchLog:
     """Gathers touches, and what was missed, while a procedure runs."""
 
-    def __init__(self, worlds: int, joints: int = 4) -> None:
+    def __init__(self, joints: int) -> None:
         self._joints = joints
         self._parts: list[TouchTable] = []
         self._missed: list[MissedTips] = []
-        self._made = np.zeros(worlds, int)
 
     def add(
         self, world: np.ndarray, touch: LineTouch, which: np.ndarray, part: np.ndarray,
@@ -148,13 +143,11 @@ class TouchLog:
         """Note rows `which` (indices into `touch`) of worlds `world[which]`."""
         if len(which) == 0:
             return
-        at = world[which]
         self._parts.append(TouchTable(
-            at, self._made[at].copy(), part[which], np.full(len(which), finger), touch.link[which],
+            world[which], part[which], np.full(len(which), finger), touch.link[which],
             touch.status[which], touch.point_m[which], touch.normal[which], touch.q_rad[which],
             touch.taxel_peak[which], touch.image[which], touch.hand_pose[which],
             np.full(len(which), line), which))
-        self._made[at] += 1
 
     def miss(self, world: np.ndarray, touch: LineTouch, which: np.ndarray | bool = True) -> None:
         """Note the rows of `touch`, of worlds `world`, whose finger met nothing on its way.

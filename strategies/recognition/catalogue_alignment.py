@@ -100,10 +100,9 @@ class Recognizer:
                            np.where(there, found.probability.max(1), np.nan))
 
 
-def recognizer(names: tuple[str, ...] = (), *, device: str = "cpu") -> Recognizer:
-    """A recognizer of catalogue objects, all of them where none is named."""
-    return Recognizer({name: body_from_name(name) for name in names or tuple(BODY_NAMES)},
-                      device=device)
+def recognizer(*, device: str = "cpu") -> Recognizer:
+    """A recognizer of all catalogue objects."""
+    return Recognizer({name: body_from_name(name) for name in BODY_NAMES}, device=device)
 
 
 def _turns(body: Body, device: str) -> np.ndarray:

@@ -74,11 +74,6 @@ class KnownModels:
         object.__setattr__(self, "names", tuple(known.name for known in self.objects))
 
 
-def shipped_models() -> KnownModels:
-    """The models that ship."""
-    return models_from_file(str(SHIPPED))
-
-
 def models_from_file(file: str) -> KnownModels:
     """The models of a file, "" for those that ship. Raises ModelsError."""
     try:

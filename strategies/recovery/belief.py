@@ -77,11 +77,6 @@ class Belief:
         """Number of worlds."""
         return len(self.seed)
 
-    @property
-    def told(self) -> BoundingCylinder:
-        """The name of `prior` in version 0.1."""
-        return self.prior
-
     @cached_property
     def uncertainty(self) -> BodyUncertainty:
         """Of the model that stands for the body: calibrated intervals of its volume, covariance of

@@ -156,11 +156,9 @@ def _widest(evidence: Evidence) -> np.ndarray:
     return np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[..., -1], 0.0))
 
 
-def accepted_contacts(
-    recovered: Recovered, evidence: Evidence, links: TouchedLinks | None = None
-) -> np.ndarray:
+def accepted_contacts(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     """Which contacts count as the body's, bool (world, point), as `contact_verdicts` has them."""
-    return np.asarray(contact_verdicts(recovered, evidence, links) == ACCEPTED)
+    return np.asarray(contact_verdicts(recovered, evidence) == ACCEPTED)
 
 
 def accepted_rms(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -91,7 +91,7 @@ def evidence_from_touches(
     its ball is free, with the radius of those in `like`.
     """
     keep = np.isfinite(table.point_m).all(1) & np.isfinite(table.normal).all(1)
-    keep &= table.above(0.0)
+    keep &= table.above_table()
     chosen, at = _slots(table.world[keep], worlds, slots)
     points = np.zeros((worlds, slots, 3))
     normals = np.full((worlds, slots, 3), np.nan)

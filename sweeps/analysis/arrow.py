@@ -18,7 +18,7 @@ from sweeps.analysis.entries import value_text
 from sweeps.output import atomic_file
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.run.store import Store, damaged_notes, open_study
-from sweeps.run.unit_file import Columns
+from sweeps.run.unit_file import Columns, holds_lists
 from sweeps.spec.errors import StoreError
 from sweeps.spec.study import Study
 from warpgrasp.core.plain_text import csv_cell
@@ -49,7 +49,7 @@ def read_rows(*folders: str | Path) -> pa.Table:
     return pa.concat_tables(parts, promote_options="default") if parts else pa.table({})
 
 
-def write_rows(folders: Sequence[Path], out: Path, what: str = "episodes") -> tuple[int, list[str]]:
+def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list[str]]:
     """Writes a study's `episodes`, `contacts` or `curves` to a .parquet or .csv file, whole or not
     at all; memory does not grow with the study. Returns the number of rows, and notes.
 
@@ -100,11 +100,7 @@ def _first(found: Iterator[Columns | None]) -> Columns | None:
 def _episodes(stores: Sequence[Store], unit: Unit) -> Columns | None:
     """A unit's rows without their lists."""
     rows = _first(store.read(unit) for store in stores)
-    return rows and {name: values for name, values in rows.items() if not _holds_lists(values)}
-
-
-def _holds_lists(values: np.ndarray) -> bool:
-    return values.dtype == object and len(values) > 0 and isinstance(values[0], np.ndarray)
+    return rows and {name: values for name, values in rows.items() if not holds_lists(values)}
 
 
 def _curves(stores: Sequence[Store], unit: Unit) -> Columns | None:

@@ -155,7 +155,7 @@ def value_text(value: Any, exact: bool = False) -> str:
 def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                   axes: Sequence[int], body: int) -> Iterator[PairedBlock]:
     """The blocks of episodes on one object, every case, read one at a time."""
-    for case in _cases(plan, axes):
+    for case in averaged_points(plan, axes):
         cells = [plan.study.cell(entry.strategy, body,
                                  setting_index(plan, {**case, **entry.points}))
                  for entry in entries]
@@ -167,8 +167,8 @@ def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                               tuple(_find(stores, unit) for unit in units))
 
 
-def _cases(plan: Plan, axes: Sequence[int]) -> Iterator[dict[int, int]]:
-    """The points of all axes that entries are averaged over."""
+def averaged_points(plan: Plan, axes: Sequence[int]) -> Iterator[dict[int, int]]:
+    """The points of the axes that entries are averaged over: of all but `axes`."""
     rest = [n for n in range(len(plan.study.axes)) if n not in axes]
     for points in product(*(range(len(plan.study.axes[n].values)) for n in rest)):
         yield dict(zip(rest, points, strict=True))

@@ -72,9 +72,9 @@ def cell_of(plan: Plan, episode: Episode) -> Cell:
     return kept_cell(cell, plan.study.objects[episode.body], plan.folders)
 
 
-def rerun(plan: Plan, episode: Episode, device: str = "cpu") -> "EpisodeBlock":
+def rerun(plan: Plan, episode: Episode) -> "EpisodeBlock":
     """A block of this one episode; StoreError as `cell_of`."""
-    return next(rerun_all(plan, [episode], device))
+    return next(rerun_all(plan, [episode]))
 
 
 def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",

@@ -25,6 +25,7 @@ from sweeps.text_table import number_text
 STRATEGIES = ("ring6", "column9", "random18", "rim12-ring12")
 OBJECTS = ("block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "funnel")
 EPISODES = 16
+_DRAWS = 500  # of a pair of studies, for what is chance
 METRIC = "chamfer_mm"
 SIDES = ("both", "truth", "belief")
 SWEPT = "robot.swept"
@@ -185,11 +186,11 @@ def _tau(one: np.ndarray, other: np.ndarray) -> float:
     return float(kendalltau(one[both], other[both])[0])  # pyright: ignore[reportArgumentType]
 
 
-def _tau_by_chance(base: np.ndarray, draws: int = 500) -> np.ndarray:
+def _tau_by_chance(base: np.ndarray) -> np.ndarray:
     """Kendall's tau of two rankings from episodes drawn with replacement from one study."""
     rng = np.random.default_rng(0)
     episodes = base.shape[-1]
-    drawn = [_means(base[..., rng.integers(0, episodes, episodes)]) for _ in range(2 * draws)]
+    drawn = [_means(base[..., rng.integers(0, episodes, episodes)]) for _ in range(2 * _DRAWS)]
     return np.array([_tau(a, b) for a, b in zip(drawn[::2], drawn[1::2], strict=True)])
 
 

@@ -13,6 +13,7 @@ from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 HAND = HandTable()
 QUIET = SensorTable(tension_noise_N=0.0, tension_step_N=0.0, joint_noise_rad=0.0)
 RADIUS_M, HEIGHT_M = 0.020, 0.090
+THRESHOLD_N = QUIET.tendon_threshold_N
 HAND_POSE = np.array([0.0, 0.0, HEIGHT_M + 0.060 + HAND.abduction_offset_m, 1.0, 0.0, 0.0, 0.0])
 COUNT = 141
 COMMANDS_RAD = np.zeros((1, 4, COUNT, 4))

@@ -10,10 +10,17 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from sweeps.bench.peer_closing import COMMANDS_RAD, COUNT, HAND, HAND_POSE, HEIGHT_M, RADIUS_M
+from sweeps.bench.peer_closing import (
+    COMMANDS_RAD,
+    COUNT,
+    HAND,
+    HAND_POSE,
+    HEIGHT_M,
+    RADIUS_M,
+    THRESHOLD_N,
+)
 
 _HALVINGS, _NEWTON = 24, 6
-_THRESHOLD_N = 6.0
 
 
 def _distance(p):
@@ -77,7 +84,7 @@ def _close(origin, side, palm, commands):
         read = ((slack + jnp.maximum(pull, 0.0)) * (1 + rub)
                 - (slack - jnp.minimum(pull, 0.0)) * (1 - rub))
         touches = jnp.abs(command - q).max() > 1e-9
-        past = touches & (jnp.abs(read).max() > _THRESHOLD_N)
+        past = touches & (jnp.abs(read).max() > THRESHOLD_N)
         return (q, jnp.where((stop < 0) & past, s, stop)), None
 
     (_, stop), _ = jax.lax.scan(step, (commands[0], -1), jnp.arange(COUNT))

@@ -11,7 +11,15 @@ import numba
 import numpy as np
 from numba import njit, prange
 
-from sweeps.bench.peer_closing import COMMANDS_RAD, COUNT, HAND, HAND_POSE, HEIGHT_M, RADIUS_M
+from sweeps.bench.peer_closing import (
+    COMMANDS_RAD,
+    COUNT,
+    HAND,
+    HAND_POSE,
+    HEIGHT_M,
+    RADIUS_M,
+    THRESHOLD_N,
+)
 
 _LENGTH = np.array(HAND.link_length_m)
 _R, _K, _SKIN = HAND.link_radius_m, HAND.joint_stiffness_Nm_rad, HAND.skin_stiffness_N_m
@@ -19,7 +27,6 @@ _ARM = np.array(HAND.moment_arm_m)
 _RUB, _REST_N = HAND.tendon_friction, HAND.co_contraction_N
 _LOW_N = HAND.tension_low_N
 _OFFSET = HAND.abduction_offset_m
-_THRESHOLD_N = 6.0
 _GOLDEN = 0.6180339887498949
 
 
@@ -139,7 +146,7 @@ def _close(origin, side, palm, commands, travel, skip):
             moving = np.sign(delta[k]) if abs(delta[k]) > 1e-12 else 0.0
             flexor = (slack + max(pull, 0.0)) * (1 + _RUB * moving)
             extensor = (slack - min(pull, 0.0)) * (1 - _RUB * moving)
-            if abs(flexor - extensor) > _THRESHOLD_N:
+            if abs(flexor - extensor) > THRESHOLD_N:
                 return s
         s += 1
     return len(commands) - 1

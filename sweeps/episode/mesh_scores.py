@@ -1,11 +1,11 @@
-"""Scores of recovered meshes and of sampled signed distances, defined as those of other bodies.
+"""Scores of recovered meshes, defined as those of other bodies.
 
 Distances from the true surface go to the mesh itself, those from the mesh are of points spread
 evenly over its area (`fit.implicit.surface_samples`). Everything is computed in the true body's
 frame; its sample is the one that superquadrics are scored by (`sweeps.episode.scores`).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -77,22 +77,6 @@ def score_meshes(
         volume_ratio=volume / sample.volume_m3,
         coverage=((to_mesh <= COVERAGE_M) * sample.surface_share).sum(1),
     )
-
-
-def score_distances(
-    distance: Callable[[np.ndarray, np.ndarray], np.ndarray], low_m: np.ndarray,
-    high_m: np.ndarray, body: Body, body_pose: np.ndarray, *, device: str = "cpu",
-) -> Scores:
-    """Score bodies given by signed distances [m], sampled in boxes (world, 3) of the base frame.
-
-    `distance(points, worlds)` is asked for points (row, point, 3) [m] of the worlds numbered
-    (row,). Raises ValueError where a zero set has no surface.
-    """
-    from fit.implicit.mesh import zero_set_meshes
-
-    meshes = zero_set_meshes(lambda points, worlds, counts: distance(points, worlds),
-                             np.asarray(low_m, float), np.asarray(high_m, float))
-    return score_meshes(meshes, body, body_pose, device=device)
 
 
 def scores_with_meshes(

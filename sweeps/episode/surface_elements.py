@@ -1,5 +1,6 @@
-"""Recovered superquadrics as surface elements, in kernels, as
-`fit.superquadric.geometry.superquadric_surface` gives them.
+"""Recovered superquadrics as surface elements, in kernels.
+
+They are those that `fit.superquadric.superquadric_surface` gives.
 
 A cube's grid is projected onto each body; every quadrilateral is an element with its own point,
 normal and area. A straight body is the same in all eight octants, so powers are computed in one.
@@ -32,7 +33,7 @@ class Elements(NamedTuple):
 
 
 def surface_elements(
-    body: SuperquadricLike, count: int, *, device: str, graded: bool = False
+    body: SuperquadricLike, count: int, *, device: str, graded: bool
 ) -> Elements:
     """About `count` elements of each body: the least 6 k^2 that are as many.
 

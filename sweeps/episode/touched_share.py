@@ -31,10 +31,8 @@ def open_surface(body: Body, points: int = POINTS) -> np.ndarray:
     return surface[surface[:, 2] > TABLE_MARGIN_M]
 
 
-def touched_points(
-    surface_m: np.ndarray, points_m: np.ndarray, near_m: float = NEAR_M
-) -> np.ndarray:
-    """Which points of a surface (point, 3) [m] lie within `near_m` of one of `points_m` (k, 3),
+def touched_points(surface_m: np.ndarray, points_m: np.ndarray) -> np.ndarray:
+    """Which points of a surface (point, 3) [m] lie within `NEAR_M` of one of `points_m` (k, 3),
     bool (point,)."""
     if len(points_m) == 0:
         return np.zeros(len(surface_m), bool)
@@ -42,8 +40,8 @@ def touched_points(
         square = np.zeros((len(surface_m), len(points_m)))
         for axis in range(3):
             square += (surface_m[:, None, axis] - points_m[:, axis]) ** 2
-        return np.any(square < near_m**2, axis=1)
-    return np.isfinite(KDTree(points_m).query(surface_m, distance_upper_bound=near_m)[0])
+        return np.any(square < NEAR_M**2, axis=1)
+    return np.isfinite(KDTree(points_m).query(surface_m, distance_upper_bound=NEAR_M)[0])
 
 
 class TouchedSurface:

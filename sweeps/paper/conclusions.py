@@ -12,6 +12,8 @@ from sweeps.analysis.interval import ObjectMeans
 
 SUFFICES = 0.8
 """Median IoU from which on an object counts as recovered."""
+PRINTED = 15
+"""The most iterations that the paper prints."""
 Scores = Sequence[np.ndarray]
 """IoU of each object's episodes, (episode,) each, in one order of objects and episodes."""
 
@@ -89,10 +91,10 @@ def what_rivals_do(
             f"{whole} episodes ({counts}). The mean IoU is {verdict}: {changed(alone, rivalled)}.")
 
 
-def iterations_said(iterations: np.ndarray, printed: int = 15) -> str:
+def iterations_said(iterations: np.ndarray) -> str:
     """How many fits are done by as many iterations as the paper prints."""
-    share = 100.0 * float((iterations <= printed).mean())
-    return (f"{share:.0f} % of {len(iterations)} plain fits have settled after {printed} "
+    share = 100.0 * float((iterations <= PRINTED).mean())
+    return (f"{share:.0f} % of {len(iterations)} plain fits have settled after {PRINTED} "
             "iterations, the most that the paper prints.")
 
 

@@ -8,13 +8,13 @@ study's seed. Axes that do not define entries are averaged over.
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import product
 
 import numpy as np
 
 from sweeps.analysis.entries import (
     HIGHER_IS_BETTER,
     Entry,
+    averaged_points,
     entries_of,
     entry_axes,
     prior_column,
@@ -190,7 +190,7 @@ class RaceUnits:
         key = entry, body
         if key not in self._cells:
             self._cells[key] = [self._cell(self.entries[entry], body, case)
-                                for case in self._cases()]
+                                for case in averaged_points(self.plan, self.axes)]
         return [Unit(unit_id(name, first, last), name, cell, first, last)
                 for cell, name in self._cells[key]]
 
@@ -200,10 +200,3 @@ class RaceUnits:
         name = cell_hash(cell, study.objects[body])
         self._together[name] = repr(batch_key(cell))
         return cell, name
-
-    def _cases(self) -> Iterator[dict[int, int]]:
-        """The points of the axes that entries are averaged over."""
-        axes = self.plan.study.axes
-        rest = [n for n in range(len(axes)) if n not in self.axes]
-        for points in product(*(range(len(axes[n].values)) for n in rest)):
-            yield dict(zip(rest, points, strict=True))

@@ -23,12 +23,12 @@ _NODES, _LOWEST = 120, -9.0
 _STEPS = 14
 
 
-def next_rung(stop: int, start: int, whole: int = 1) -> int:
+def next_rung(stop: int, start: int, whole: int) -> int:
     """Replicates after the rung that follows `stop`; rungs end at multiples of `whole`."""
     return -(-max(start, int(np.ceil(GROWTH * stop))) // whole) * whole
 
 
-def rungs_from(start: int, whole: int = 1) -> np.ndarray:
+def rungs_from(start: int, whole: int) -> np.ndarray:
     """Replicates after each rung, from the first of `start` on."""
     found = [next_rung(0, start, whole)]
     while found[-1] < FARTHEST:
@@ -63,7 +63,7 @@ def _rule(node: np.ndarray, weight: np.ndarray, bound: float) -> tuple[np.ndarra
 
 
 @lru_cache
-def level_at_rungs(start: int, alpha: float, whole: int = 1) -> float:
+def level_at_rungs(start: int, alpha: float, whole: int) -> float:
     """The level of the mixture whose bound is crossed at the rungs, or at one look beside them,
     with a chance of at most `alpha`."""
     from scipy.special import ndtr

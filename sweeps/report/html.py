@@ -12,6 +12,7 @@ from xml.etree import ElementTree
 import matplotlib
 
 from sweeps.figures.style import encode
+from sweeps.text_table import is_number
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,7 +62,7 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
           sortable: bool = True) -> str:
     """A table; column `row_names` names the rows, `heat` gives the class of each cell's tint."""
     every = list(rows)
-    kinds = [' class="text"' if n == row_names or not all(_is_number(row[n]) for row in every)
+    kinds = [' class="text"' if n == row_names or not all(is_number(row[n]) for row in every)
              else "" for n in range(len(header))]
     # A heading may break after an underscore, so that it is no wider than its numbers.
     head = "".join(f'<th scope="col"{kind}>{escape(name).replace("_", "_<wbr>")}</th>'
@@ -80,14 +81,6 @@ def table(caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], *,
     return (f'<div class="scroll" tabindex="0" role="region" aria-label="{escape(caption)}">'
             f"<table{sorts}><caption>{escape(caption)}</caption><thead><tr>{head}</tr></thead>"
             f"<tbody>{''.join(body)}</tbody></table></div>")
-
-
-def _is_number(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return cell in ("", "NA")
-    return True
 
 
 def details(summary: str, inner: str, opened: bool = False) -> str:

@@ -16,6 +16,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "ray_engine": ["run_on_ray"],
     "scheduler": ["Outcome"],
     "store": ["Store", "damaged_notes", "open_study", "plan_of"],
-    "unit_file": ["Columns", "DamagedUnit", "read_unit", "write_unit"],
+    "unit_file": ["Columns", "DamagedUnit", "holds_lists", "read_unit", "write_unit"],
     "worker": ["ENVIRONMENT", "EPISODES"],
 })

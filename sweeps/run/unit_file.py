@@ -133,14 +133,15 @@ def column_types(path: Path) -> dict[str, pa.DataType]:
 
 
 def _arrow(values: np.ndarray) -> pa.Array:
-    if _holds_curves(values):
+    if holds_lists(values):
         return pa.array([v.tolist() for v in values], type=pa.list_(pa.float64()))
     if values.dtype == object:
         return pa.array(values.tolist(), type=None if len(values) else pa.string())
     return pa.array(values)
 
 
-def _holds_curves(values: np.ndarray) -> bool:
+def holds_lists(values: np.ndarray) -> bool:
+    """Whether a column holds a list in each row, as the curves do."""
     """Whether a column holds an array of numbers a row."""
     return values.dtype == object and len(values) > 0 and isinstance(values[0], np.ndarray)
 
@@ -151,7 +152,7 @@ def _plain(name: str, values: np.ndarray) -> np.ndarray:
         raise ValueError(f"column {name} of a unit should be one-dimensional")
     if values.dtype.kind in "UO":
         values = values.astype(object)
-        if _holds_curves(values) and any(v.dtype != float or v.ndim != 1 for v in values):
+        if holds_lists(values) and any(v.dtype != float or v.ndim != 1 for v in values):
             raise ValueError(f"column {name} of a unit should hold 1-D arrays of float64")
         return values
     if values.dtype.kind not in "bif":
@@ -175,7 +176,7 @@ def content_hash(columns: Mapping[str, np.ndarray]) -> str:
     found = hashlib.sha256()
     for name, values in columns.items():
         found.update(f"{name}:{values.dtype.str}:{len(values)};".encode())
-        if _holds_curves(values):
+        if holds_lists(values):
             for row in values:
                 found.update(f"{len(row)};".encode() + np.ascontiguousarray(row).tobytes())
         elif values.dtype == object:

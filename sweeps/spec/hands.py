@@ -4,7 +4,7 @@ The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands.
 """
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import fields, replace
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ from sweeps.spec.checks import (
 )
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
-from sweeps.spec.study import HAND_KEY, Axis, Study
+from sweeps.spec.study import HAND_KEY, Study
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.parameters import UTAH_MIT, HandTable
 
@@ -74,17 +74,6 @@ def read_hand(value: str, base_dir: Path, problems: Problems, path: KeyPath = ("
         problems.add(path, str(error))
         return UTAH_MIT
     return file
-
-
-def with_hands(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
-    """An axis of a sweep whose hands are found."""
-    if HAND_KEY not in axis.keys:
-        return axis
-    at = axis.keys.index(HAND_KEY)
-    path = problems.at_swept(HAND_KEY)
-    si = tuple((*point[:at], read_hand(point[at], base_dir, problems, path), *point[at + 1:])
-               for point in axis.si)
-    return replace(axis, si=si)
 
 
 def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> None:

@@ -5,7 +5,7 @@
 `[arm]`; in a sweep, `arm = ["puma560", "ur5e"]` compares arms.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from math import hypot
 from pathlib import Path
@@ -119,13 +119,15 @@ def read_arm(value: str, base_dir: Path, problems: Problems, path: KeyPath = ("a
     return file
 
 
-def with_arms(axis: Axis, base_dir: Path, problems: Problems) -> Axis:
-    """An axis of a sweep whose arms are found."""
-    if ARM_KEY not in axis.keys:
+def with_files(axis: Axis, key: str, read: Callable[..., str], base_dir: Path, problems: Problems
+               ) -> Axis:
+    """An axis of a sweep whose hands or arms, under `key`, are found: `read` is `read_hand` or
+    `read_arm`."""
+    if key not in axis.keys:
         return axis
-    at = axis.keys.index(ARM_KEY)
-    path = problems.at_swept(ARM_KEY)
-    si = tuple((*point[:at], read_arm(point[at], base_dir, problems, path), *point[at + 1:])
+    at = axis.keys.index(key)
+    path = problems.at_swept(key)
+    si = tuple((*point[:at], read(point[at], base_dir, problems, path), *point[at + 1:])
                for point in axis.si)
     return replace(axis, si=si)
 

@@ -10,7 +10,7 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads, check_used
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
-from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out, with_hands
+from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out
 from sweeps.spec.named_files import (
     KEY,
     check_arms,
@@ -18,13 +18,13 @@ from sweeps.spec.named_files import (
     check_swept_reconstruct,
     read_arm,
     read_reconstruct,
-    with_arms,
+    with_files,
     with_models,
 )
 from sweeps.spec.objects import read_objects
 from sweeps.spec.search import read_search
 from sweeps.spec.strategies import read_strategies
-from sweeps.spec.study import CELL_LIMIT, EPISODE_LIMIT, Study, StudyTable
+from sweeps.spec.study import ARM_KEY, CELL_LIMIT, EPISODE_LIMIT, HAND_KEY, Study, StudyTable
 from sweeps.spec.toml_reader import read_toml
 from sweeps.spec.units import read_table
 
@@ -77,8 +77,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
                      problems)
-    axes = tuple(with_arms(with_hands(axis, base_dir, problems), base_dir, problems)
-                 for axis in axes)
+    for key, read in ((HAND_KEY, read_hand), (ARM_KEY, read_arm)):
+        axes = tuple(with_files(axis, key, read, base_dir, problems) for axis in axes)
     check_order(tables, values, axes, problems)
     for axis in axes:
         if KEY in axis.keys:

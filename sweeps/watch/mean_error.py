@@ -5,11 +5,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from sweeps.analysis.curves import Steps, on_grid
+from sweeps.analysis.curves import KNOWN, Steps, on_grid
 
 POINTS = 40
-KNOWN = 0.95
-"""Where fewer episodes have a fit there is no mean: of the quick ones alone it would flatter."""
 ByObject = Mapping[str, Sequence[Steps]]
 """Each episode's steps, by object."""
 

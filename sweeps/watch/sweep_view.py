@@ -10,7 +10,7 @@ import numpy as np
 from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import (
     HIGHER_IS_BETTER,
-    Entry,
+    averaged_points,
     bounds_of,
     entries_of,
     entry_axes,
@@ -88,17 +88,12 @@ class SweepView:
         """All units with their entry and object."""
         study = self.plan.study
         for (n, entry), body in product(enumerate(self.entries), range(len(study.objects))):
-            for case in self._cases(axes, entry):
-                cell = study.cell(entry.strategy, body, setting_index(self.plan, case))
+            for case in averaged_points(self.plan, axes):
+                cell = study.cell(entry.strategy, body,
+                                  setting_index(self.plan, case | entry.points))
                 name = cell_hash(cell, study.objects[body])
                 for block in range(self.plan.block_count):
                     yield n, body, self.plan.unit(cell, name, block)
-
-    def _cases(self, axes: list[int], entry: Entry) -> Iterator[dict[int, int]]:
-        every = self.plan.study.axes
-        rest = [n for n in range(len(every)) if n not in axes]
-        for points in product(*(range(len(every[n].values)) for n in rest)):
-            yield dict(zip(rest, points, strict=True)) | entry.points
 
     @property
     def looks(self) -> int:

@@ -25,8 +25,6 @@ class View:
         self.sweep: SweepView | None = None
         self.last: State | None = None
         self.version = 0
-        self.spent_s = 0.0
-        """Processor time of all looks."""
         self._due = 0.0
 
     def state(self) -> State:
@@ -35,7 +33,6 @@ class View:
             began = time.process_time()
             found = self._look()
             took = time.process_time() - began
-            self.spent_s += took
             self._due = time.monotonic() + max(LEAST_S, took / SHARE)
             self.version += found != self.last
             self.last = found

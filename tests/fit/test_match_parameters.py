@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from fit.interpretation_tree import NULL, block_model, interpret, model_of_planes
+from fit.interpretation_tree import NULL, FaceModel, model_of_planes
+from fit.interpretation_tree import interpret as interpretations
 from fit.match_parameters import TAIL, Population, log_density, population_of, posterior
 from fit.polyhedron import polyhedron_faces
 from fit.rotation import matrix_of_quaternion
@@ -60,6 +61,17 @@ def test_probabilities_are_bayes_rule_and_temperature_flattens_them() -> None:
     assert np.allclose(flat, [[0.4, 0.4, 0.2]])
     nowhere = posterior(np.array([[-np.inf, -np.inf, -4.0]]), none_prior=0.2)
     assert np.allclose(nowhere, [[0, 0, 1]])
+
+
+def block_model(name: str, size_m: tuple[float, float, float]) -> FaceModel:
+    """A block of full size x, y, z [m] centred on the origin."""
+    sides = np.eye(3).repeat(2, axis=0) * np.tile([1.0, -1.0], 3)[:, None]
+    return model_of_planes(name, sides, np.repeat(size_m, 2) / 2)
+
+
+def interpret(points, normals, model: FaceModel, most_null: int = 0):
+    return interpretations(points, normals, model, angle_rad=0.2, distance_m=4e-3,
+                           most_null=most_null)
 
 
 def felt_block(seed: int, model):

@@ -19,9 +19,9 @@ from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, postur
 from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
 from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
 from warpgrasp.mechanism.calibration import Calibration
+from warpgrasp.mechanism.utah_mit_hand import GRAVITY_M_S2
 from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
 
-GRAVITY_M_S2 = 9.81
 _NO_SERVO = 1.0
 _WAY_STEPS = 16
 _SHORTEST_M = 1e-6

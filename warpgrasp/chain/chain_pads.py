@@ -12,7 +12,7 @@ from math import cos, sin
 import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
-from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace
+from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace, vector_of
 from warpgrasp.parameters import PadTable
 
 _PARALLEL = 0.95
@@ -84,7 +84,7 @@ def _on_capsules(hand: ChainHand, finger: int, joint: int, pads: PadTable) -> Pa
     out = out - (out @ along) * along
     out = out / np.linalg.norm(out)
     radius = _radius(capsules, (start + end) / 2, out, np.cross(out, along), pads)
-    return PadPlace(name, _three(start), _three(end), radius, _three(out))
+    return PadPlace(name, vector_of(start), vector_of(end), radius, vector_of(out))
 
 
 def _radius(
@@ -102,8 +102,3 @@ def _radius(
         if clear >= pads.thickness_m - 1e-9:
             return radius
         radius += _FINER_M
-
-
-def _three(values: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

@@ -20,10 +20,8 @@ from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
 from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
 from warpgrasp.core.dtypes import mat33, transform, vec3
 from warpgrasp.core.kernel_launch import launch
-from warpgrasp.mechanism.calibration import arm_variance
+from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
-
-_MOUNT_LEVER_M = 0.15
 
 
 @dataclass(frozen=True)
@@ -76,7 +74,7 @@ def estimate_chain_contacts(
         "believed": true_chains(hand, table, contact, none, device),
         "sensors": true_sensors(hand, table, sensors, contact, none, device),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
-        "pose_variance": chain_place_variance(errors, arm, hand),
+        "pose_variance": place_variance(errors, arm, longest_link_m(hand)),
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
         "arm_share": errors.moment_arm_share,
         "hand_pose": wp.array(np.ascontiguousarray(believed_pose), dtype=transform, device=device),
@@ -90,10 +88,7 @@ def estimate_chain_contacts(
         found["balls"][..., :2 * most, :])
 
 
-def chain_place_variance(errors: ErrorTable, arm: ArmTable, hand: ChainHand) -> float:
-    """As `calibration.place_variance`: of where a place on a finger is believed to be [m2]."""
-    longest = max((float(np.linalg.norm(joint.place[:3]))
-                   for finger in hand.model.fingers for joint in finger.joints[1:]), default=0.0)
-    return (arm_variance(errors, arm) + errors.mount_m**2
-            + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
-            + (errors.link_length_share * longest) ** 2)
+def longest_link_m(hand: ChainHand) -> float:
+    """From joint to joint [m]; 0 for a hand of one joint a finger."""
+    return max((float(np.linalg.norm(joint.place[:3]))
+                for finger in hand.model.fingers for joint in finger.joints[1:]), default=0.0)

@@ -46,7 +46,6 @@ from warpgrasp.core.dtypes import HALF, ONE, PI, ZERO, mat33, real, struct, tran
 from warpgrasp.probe_status import ProbeStatus
 
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
-_SELF = wp.constant(int(ProbeStatus.SELF_CONTACT))
 _TORQUES, _SWITCHES = wp.constant(TORQUES), wp.constant(SWITCHES)
 _NAN = wp.constant(real(float("nan")))
 _ALONG, _AROUND, _CAP, _LEANS = (wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP),

@@ -10,13 +10,12 @@ from warpgrasp.chain.chain_hand import ChainHand, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain_closing.chain_closing_kernels import chain_press_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
-from warpgrasp.chain_closing.chain_path import padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.self_contact import MISFIT, doubt_of
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.hand_rest.press_kernel import Doubt
-from warpgrasp.mechanism.calibration import no_errors
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
 
 
@@ -43,7 +42,7 @@ def chain_self_contacts(
         "hand_pose": "world probe", "status": each, "q": each, "step": each,
         "path": "grasp finger step", "misfit": each}, {
         "believed": true_chains(hand, table, contact or ContactTable(),
-                                no_errors(hand.fingers, 6, 6), device),
+                                no_chain_errors(hand), device),
         "palm": palm, "pairs": pairs,
         "doubt": wp.array([doubt_of(sensors, errors, lengths_m(hand, f))
                            for f in range(hand.fingers)], dtype=Doubt, device=device),

@@ -98,7 +98,7 @@ def estimate_contacts(
         **dict.fromkeys(("link_weight", *joints, *torques), each)}, {
         "hand": hand_of(hand, contact), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
-        "pose_variance": place_variance(errors, arm, hand),
+        "pose_variance": place_variance(errors, arm, max(hand.link_length_m)),
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
         "arm_share": errors.moment_arm_share,
         "tip_variance": FINGERTIP_SIGMA_M**2,

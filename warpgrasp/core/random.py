@@ -20,7 +20,7 @@ class Purpose(IntEnum):
     PRIOR = 2
     MOUNT = 3
     ARM = 4
-    FALSE_STOP = 5
+    # 5 is free. Numbers stay: another number gives a use other random numbers.
     TENSION_STEP = 6
     TENSION_REST = 7
     JOINT = 8

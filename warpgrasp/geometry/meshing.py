@@ -14,7 +14,7 @@ _TOWARDS_MIDDLE = 0.05
 """Weight of the mean of a cell's crossings, beside one for each tangent plane."""
 
 
-def body_mesh(body: Body, cells: int = 28) -> tuple[np.ndarray, np.ndarray]:
+def body_mesh(body: Body, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [m] in the body's frame, (vertex, 3), and quadrilaterals, (face, 4).
 
     `cells` is how many the longest side of the body's box has. Faces run anticlockwise seen from

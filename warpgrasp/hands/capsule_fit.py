@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 from scipy.optimize import least_squares
 
-from warpgrasp.hands.hand_model import Capsule
+from warpgrasp.hands.hand_model import Capsule, vector_of
 
 _POINTS = 1500
 _SEED = 0
@@ -41,7 +41,7 @@ def fit_capsule(vertices_m: np.ndarray) -> Capsule:
     best = min((_descend(points, middle, axis) for axis in axes), key=lambda found: found.cost)
     start, end, radius = best.x[:3], best.x[3:6], abs(float(best.x[6]))
     error = float(np.abs(distance_to_capsule(points, start, end, radius)).max())
-    return Capsule(_numbers(start), _numbers(end), radius, error)
+    return Capsule(vector_of(start), vector_of(end), radius, error)
 
 
 def _descend(points: np.ndarray, middle: np.ndarray, axis: np.ndarray):
@@ -57,8 +57,3 @@ def _descend(points: np.ndarray, middle: np.ndarray, axis: np.ndarray):
     scale = float(np.ptp(points, axis=0).max())
     return least_squares(lambda x: distance_to_capsule(points, x[:3], x[3:6], x[6]), guess,
                          x_scale=scale, max_nfev=200)
-
-
-def _numbers(point: np.ndarray) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in point)
-    return x, y, z

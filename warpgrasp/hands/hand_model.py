@@ -4,12 +4,19 @@ A joint's frame is where its link's frame is: `place` at angle zero in the frame
 it (of the palm for the first joint), then the turn about `axis`. Quaternions are xyzw.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 Place = tuple[float, float, float, float, float, float, float]
 """Position [m] and quaternion xyzw."""
 Vector = tuple[float, float, float]
 STILL: Place = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+
+
+def vector_of(values: Iterable[float]) -> Vector:
+    """Three numbers as a record of a hand holds them."""
+    x, y, z = (float(v) for v in values)
+    return x, y, z
 
 
 class HandError(ValueError):

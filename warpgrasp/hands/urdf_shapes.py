@@ -10,7 +10,7 @@ import trimesh
 
 from warpgrasp.hands.capsule_fit import fit_capsule
 from warpgrasp.hands.hand_frames import place_of
-from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape, Vector
+from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape, Vector, vector_of
 
 _LEAST_M = 1e-6
 
@@ -36,12 +36,12 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
             found.append(Box(place_of(at), (x, y, z)))
         elif geometry.sphere is not None:
             radius, = _sizes(where, "sphere", [geometry.sphere.radius], 1)
-            found.append(Capsule(_vector(at[:3, 3]), _vector(at[:3, 3]), radius))
+            found.append(Capsule(vector_of(at[:3, 3]), vector_of(at[:3, 3]), radius))
         elif geometry.cylinder is not None:
             radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
                                                         geometry.cylinder.length], 2)
             start, end = (at[:3, 3] + share * length * at[:3, 2] for share in (-0.5, 0.5))
-            rods[len(found)] = Capsule(_vector(start), _vector(end), radius)
+            rods[len(found)] = Capsule(vector_of(start), vector_of(end), radius)
             found.append(_fitted(where, trimesh.creation.cylinder(radius, length).vertices, at))
         else:
             mesh = geometry.mesh
@@ -67,11 +67,6 @@ def _with_capsules(shapes: list[Shape], rods: dict[int, Capsule]) -> tuple[Shape
 def _is_ball(shape: Shape, centre: Vector, radius: float) -> bool:
     return (isinstance(shape, Capsule) and shape.start == shape.end
             and abs(shape.radius - radius) < _LEAST_M and math.dist(shape.start, centre) < _LEAST_M)
-
-
-def _vector(values: np.ndarray) -> Vector:
-    x, y, z = (float(v) for v in values)
-    return x, y, z
 
 
 def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:

@@ -121,15 +121,16 @@ def arm_variance(errors: ErrorTable, arm: ArmTable) -> float:
     return swing + len(_ARM_LENGTHS) / 3 * errors.arm_link_m**2 + arm.repeatability_m**2
 
 
-def place_variance(errors: ErrorTable, arm: ArmTable, hand: HandTable) -> float:
+def place_variance(errors: ErrorTable, arm: ArmTable, longest_m: float) -> float:
     """Variance per axis of where the robot believes a place on a finger to be [m2], its finger's
     joints apart: from the calibration of arm, mount and finger base, and the arm's repeatability.
 
-    An estimate: turns of the mount act on a lever of 0.15 m.
+    `longest_m` is the length of the hand's longest link. An estimate: turns of the mount act on a
+    lever of 0.15 m.
     """
     return (arm_variance(errors, arm) + errors.mount_m**2
             + (_MOUNT_LEVER_M * errors.mount_rad) ** 2 + errors.finger_base_m**2
-            + (errors.link_length_share * max(hand.link_length_m)) ** 2)
+            + (errors.link_length_share * longest_m) ** 2)
 
 
 def _strays(table: HandTable, errors: Calibration) -> np.ndarray:

@@ -18,6 +18,7 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.geometry.body import Body, BodyError, Part
 from warpgrasp.geometry.scene import Join, Shape
 from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
+from warpgrasp.objects.grid_baking import triple
 from warpgrasp.objects.mesh_import import LARGEST_M, SMALLEST_M, body_from_mesh, can_be_explored
 from warpgrasp.objects.stable_pose import body_in_stable_pose
 
@@ -278,7 +279,7 @@ def _body(name: str, parts: tuple[Part, ...], doc: str, on_table: bool = False) 
         if part.join == Join.UNION:
             lows.append(placed.min(0))
             highs.append(placed.max(0))
-    body = Body(name, parts, _triple(np.min(lows, 0)), _triple(np.max(highs, 0)), doc)
+    body = Body(name, parts, triple(np.min(lows, 0)), triple(np.max(highs, 0)), doc)
     if on_table:
         from warpgrasp.geometry.body_sampling import body_lowered
 
@@ -289,10 +290,6 @@ def _body(name: str, parts: tuple[Part, ...], doc: str, on_table: bool = False) 
         raise BodyError(f"{name}: comes out at {size} mm; a longest side of {1000 * SMALLEST_M:g} "
                         f"to {1000 * LARGEST_M:g} mm can be explored: are its lengths in mm?")
     return body
-
-
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
-    return float(values[0]), float(values[1]), float(values[2])
 
 
 def _part_box(part: Part) -> tuple[tuple[float, ...], tuple[float, ...]]:

@@ -86,9 +86,9 @@ def cached_grid(key: str, make: Callable[[], Body]) -> Body:
 
 def _body(grid: np.ndarray, origin: np.ndarray, cell: float, low: np.ndarray, high: np.ndarray,
           error: float) -> Body:
-    part = Part(Shape.GRID, grid_m=np.asarray(grid, np.float32), grid_origin_m=_triple(origin),
+    part = Part(Shape.GRID, grid_m=np.asarray(grid, np.float32), grid_origin_m=triple(origin),
                 grid_cell_m=float(cell))
-    return Body("", (part,), _triple(low), _triple(high), grid_error_m=float(error))
+    return Body("", (part,), triple(low), triple(high), grid_error_m=float(error))
 
 
 def _places(origin: np.ndarray, cell: float, nodes: np.ndarray) -> np.ndarray:
@@ -97,5 +97,6 @@ def _places(origin: np.ndarray, cell: float, nodes: np.ndarray) -> np.ndarray:
     return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
 
 
-def _triple(values: np.ndarray) -> tuple[float, float, float]:
+def triple(values: np.ndarray) -> tuple[float, float, float]:
+    """A point as a record of a body holds it."""
     return float(values[0]), float(values[1]), float(values[2])

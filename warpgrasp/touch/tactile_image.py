@@ -36,24 +36,25 @@ def _stack(images: np.ndarray) -> np.ndarray:
     return images
 
 
-def _windows(images: np.ndarray, size: int) -> np.ndarray:
-    """Neighbourhoods, (n, row, column, size, size); borders repeated."""
+def _odd(size: int) -> int:
     if size < 1 or size % 2 == 0:
         raise ValueError(f"window {size}: an odd number from 1 on is wanted")
-    half = size // 2
-    padded = np.pad(_stack(images), ((0, 0), (half, half), (half, half)), mode="edge")
-    return np.lib.stride_tricks.sliding_window_view(padded, (size, size), axis=(1, 2))
+    return size
 
 
 def mean_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
     """Mean of each `size` x `size` neighbourhood, (n, row, column)."""
-    return _windows(images, size).mean((-2, -1))
+    from scipy.ndimage import uniform_filter1d
+
+    along_rows = uniform_filter1d(_stack(images), _odd(size), 1, mode="nearest")
+    return uniform_filter1d(along_rows, size, 2, mode="nearest")
 
 
 def median_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
     """Median of each `size` x `size` neighbourhood, (n, row, column)."""
-    windows = _windows(images, size)
-    return np.median(windows.reshape(*windows.shape[:3], size * size), axis=-1)
+    from scipy import ndimage
+
+    return ndimage.median_filter(_stack(images), (1, _odd(size), size), mode="nearest")
 
 
 def moments(images: np.ndarray, level: float = 0.0) -> Moments:
@@ -80,9 +81,11 @@ def moments(images: np.ndarray, level: float = 0.0) -> Moments:
 
 def sobel(images: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Slope along rows and along columns by Sobel's operator, each (n, row, column)."""
-    windows = _windows(images, 3)
-    return (np.einsum("nrcij,ij->nrc", windows, _SOBEL.T),
-            np.einsum("nrcij,ij->nrc", windows, _SOBEL))
+    from scipy.ndimage import correlate
+
+    images = _stack(images)  # `ndimage.sobel` would also smooth from image to image
+    return (correlate(images, _SOBEL.T[None], mode="nearest"),
+            correlate(images, _SOBEL[None], mode="nearest"))
 
 
 def sobel_edges(images: np.ndarray, level: float) -> np.ndarray:
@@ -94,8 +97,11 @@ def sobel_edges(images: np.ndarray, level: float) -> np.ndarray:
 def laplacian_of_gaussian(images: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     """Laplacian of the image smoothed by a Gaussian of `sigma` taxels, (n, row, column).
 
-    The sampled kernels reach four sigma; the Gaussian sums to one, the second derivative to none.
+    The sampled kernels reach four sigma; the Gaussian sums to one, the second derivative to none,
+    which that of `ndimage.gaussian_laplace` does not.
     """
+    from scipy.ndimage import correlate1d
+
     if not sigma > 0.0:
         raise ValueError(f"sigma {sigma}: a positive number of taxels is wanted")
     reach = int(4.0 * sigma + 0.5)
@@ -103,8 +109,13 @@ def laplacian_of_gaussian(images: np.ndarray, sigma: float = 1.0) -> np.ndarray:
     smooth = np.exp(-0.5 * x * x)
     smooth /= smooth.sum()
     curve = smooth * (x * x - smooth @ (x * x)) / sigma**2
-    kernel = np.outer(curve, smooth) + np.outer(smooth, curve)
-    return np.einsum("nrcij,ij->nrc", _windows(images, 2 * reach + 1), kernel)
+    images = _stack(images)
+
+    def along(row_kernel: np.ndarray, column_kernel: np.ndarray) -> np.ndarray:
+        rows = correlate1d(images, row_kernel, 1, mode="nearest")
+        return correlate1d(rows, column_kernel, 2, mode="nearest")
+
+    return along(curve, smooth) + along(smooth, curve)
 
 
 def zero_crossings(response: np.ndarray, level: float = 0.0) -> np.ndarray:

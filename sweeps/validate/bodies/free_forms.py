@@ -9,6 +9,7 @@ from fit.implicit.known import KnownProcess, fit_known
 from fit.implicit.mesh import implicit_meshes
 from fit.implicit.query import implicit_distance
 from fit.implicit.record import ImplicitFit
+from fit.implicit.volume import NORMAL_90
 from strategies.recovery.free_contacts import BODY
 from sweeps.episode.mesh_scores import score_meshes
 from sweeps.validate.comparison import Comparison
@@ -26,7 +27,6 @@ MOST_M = 0.003
 HELD, WITHIN = 0.9, 0.05
 """Share of surface points that 90 % bands should hold, all shapes together."""
 _SURFACE, _BAND = 4096, 512
-_NORMAL_90 = 1.6449
 
 
 def compare_free_forms() -> list[Comparison]:
@@ -96,7 +96,7 @@ def _held(fits: ImplicitFit, body: Body) -> float:
     """Share of surface points where the distance is 0 within 90 % bands."""
     surface = sample_body(body, surface=_BAND, inside=64).surface_m
     values = implicit_distance(fits, np.tile(surface, (SETS, 1, 1)), BODY.mean)
-    return float((np.abs(values.distance_m) < _NORMAL_90 * values.std_m).mean())
+    return float((np.abs(values.distance_m) < NORMAL_90 * values.std_m).mean())
 
 
 def _unit(vectors: np.ndarray) -> np.ndarray:

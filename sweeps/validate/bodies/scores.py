@@ -141,7 +141,7 @@ def _comparison(truth: Truth, score: str, unit: str, bound: float, ours: np.ndar
         f"{(apart <= 0.01).sum()} within 1 %" + (" or 0.01 mm" if unit else ""))
 
 
-def truths(step_m: float = STEP_M, inside: int = LOG2_INSIDE) -> Iterator[Truth]:
+def truths() -> Iterator[Truth]:
     """The nine objects."""
     trimesh = engine("trimesh")
     for name in ("block", "wedge"):
@@ -153,24 +153,24 @@ def truths(step_m: float = STEP_M, inside: int = LOG2_INSIDE) -> Iterator[Truth]
         else:
             solid = object_solids(body)[0]
             mesh = trimesh.Trimesh(solid.vertices, solid.faces)
-        yield _of_mesh(trimesh, name, body, mesh, step_m, inside)
+        yield _of_mesh(trimesh, name, body, mesh, STEP_M)
     with tempfile.TemporaryDirectory() as folder:
         (Path(folder) / "vase.csv").write_text(VASE)
         vase = body_from_table({"name": "vase", "profile": "vase.csv"}, Path(folder))
         for name, body in (("funnel", body_from_name("funnel")),
                            ("wine_bottle", body_from_name("wine_bottle")), ("vase", vase)):
-            yield _of_profile(name, body, step_m, inside)
+            yield _of_profile(name, body)
         for name, mesh in scan_meshes().items():
             file = Path(folder) / f"{name}.ply"
             mesh.export(file)
             body, scanned = body_from_mesh(file, units="m"), mesh_triangles(file, units="m")
             surface = _surface_of(body)
             of_grid = _of_mesh(trimesh, name, body, trimesh.Trimesh(
-                surface.vertices_m, surface.faces, process=False), SCAN_STEP_M, inside)
+                surface.vertices_m, surface.faces, process=False), SCAN_STEP_M)
             yield replace(of_grid, elements=replace(
                 of_grid.elements, middle=_onto(body, of_grid.elements.middle)))
             yield _of_mesh(trimesh, f"{name} as scanned", body, trimesh.Trimesh(
-                *scanned, process=False), SCAN_STEP_M, inside, scan=True)
+                *scanned, process=False), SCAN_STEP_M, scan=True)
 
 
 def _surface_of(body: Body) -> TriangleMesh:
@@ -192,27 +192,27 @@ def _onto(body: Body, points: np.ndarray) -> np.ndarray:
     return points
 
 
-def _box(low: np.ndarray, high: np.ndarray, log2: int) -> np.ndarray:
+def _box(low: np.ndarray, high: np.ndarray) -> np.ndarray:
     even = Sobol(3, seed=3)  # pyright: ignore[reportCallIssue]  # `rng` from SciPy 1.15 on
-    return low + even.random_base2(log2) * (high - low)
+    return low + even.random_base2(LOG2_INSIDE) * (high - low)
 
 
-def _of_profile(name: str, body: Body, step_m: float, inside: int) -> Truth:
+def _of_profile(name: str, body: Body) -> Truth:
     z, r = np.asarray(body.parts[0].profile_m, float).T
-    box = _box(np.array([-r.max(), -r.max(), z[0]]), np.array([r.max(), r.max(), z[-1]]), inside)
+    box = _box(np.array([-r.max(), -r.max(), z[0]]), np.array([r.max(), r.max(), z[-1]]))
     within = np.hypot(box[:, 0], box[:, 1]) < np.interp(box[:, 2], z, r)
     volume = np.pi / 3 * float((np.diff(z) * (r[:-1]**2 + r[:-1] * r[1:] + r[1:]**2)).sum())
     return Truth(name, body, partial(contour_distance, z=z, r=r),
-                 thinned(contour_elements(z, r, step_m * RING_STEP_M / STEP_M), ELEMENTS),
+                 thinned(contour_elements(z, r, RING_STEP_M), ELEMENTS),
                  box[within], volume, np.stack([z, r], 1))
 
 
-def _of_mesh(trimesh: Any, name: str, body: Body, mesh: Any, step_m: float, inside: int,
+def _of_mesh(trimesh: Any, name: str, body: Body, mesh: Any, step_m: float,
              scan: bool = False) -> Truth:
     corner = np.asarray(mesh.triangles)
     vertices, faces = trimesh.remesh.subdivide_to_size(mesh.vertices, mesh.faces, step_m, 20)
     small = vertices[faces]
-    box = _box(mesh.bounds[0], mesh.bounds[1], inside)
+    box = _box(mesh.bounds[0], mesh.bounds[1])
     within = mesh_distance(mesh_of(mesh.vertices, mesh.faces), box) < 0.0
     distance = partial(_to_few, corner) if len(corner) < 20 else Triangles(small).distance
     return Truth(name, body, distance, thinned(elements_of(small), ELEMENTS), box[within],

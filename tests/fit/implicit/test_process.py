@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import multivariate_normal, norm
 
 from fit.implicit.fit import fit_implicit
-from fit.implicit.outliers import outlier_probability, outlier_weights
+from fit.implicit.outliers import outlier_weights
 from fit.implicit.process import (
     LEAST_AMPLITUDE,
     LOG_LENGTH,
@@ -124,7 +124,7 @@ def test_outlier_weights_follow_bayes() -> None:
     assert (np.diff(weight[0]) < 0).all()
     inside, outside = (norm.pdf(deleted, 0.0, np.sqrt(v)) for v in (1.5, 101.5))
     expected = 0.05 * outside / (0.05 * outside + 0.95 * inside)
-    assert np.allclose(outlier_probability(weight, 1.0, 10.0), expected, atol=1e-9)
+    assert np.allclose(weight, 1.0 - expected * (1.0 - 1.0 / 101.0), atol=1e-9)
     first = outlier_weights(deleted, variance, np.full((1, 4), 1.0), 0.05, np.array([[10.0]]),
                             at_first=True)
     assert np.allclose(1.0 / first, 1.0 + expected * 100.0)

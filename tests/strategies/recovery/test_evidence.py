@@ -30,7 +30,7 @@ def line(status: list[ProbeStatus]) -> SimpleNamespace:
 
 
 def test_only_lines_that_met_nothing_are_free() -> None:
-    log = TouchLog(3)
+    log = TouchLog(4)
     touch = line([ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.BLOCKED])
     log.miss(np.array([0, 1, 2]), touch)  # pyright: ignore
     log.add(np.array([0, 1, 2]), touch, np.array([0]), np.zeros(3, int), 0, 0)  # pyright: ignore
@@ -48,7 +48,7 @@ def test_only_lines_that_met_nothing_are_free() -> None:
 
 
 def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:
-    table = TouchLog(3).table()
+    table = TouchLog(4).table()
     n = 5 * FREE_TIPS
     one = MissedTips(np.full(n, 1), np.arange(3.0 * n).reshape(n, 3))
     both = MissedTips(np.concatenate([one.world, [2, 2]]),
@@ -65,7 +65,7 @@ def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:
 @pytest.mark.parametrize("normals", [False, True])
 def test_a_fit_is_given_only_normals_that_were_measured(
         normals: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    log = TouchLog(3)
+    log = TouchLog(4)
     touch = line([ProbeStatus.CONTACT] * 3)
     log.add(np.arange(3), touch, np.arange(3), np.zeros(3, int), 0, 0)  # pyright: ignore
     felt, _ = evidence_from_touches(log.table(), None, 3, 2, LIKE, HandTable())

@@ -108,7 +108,7 @@ def test_a_rung_asks_for_the_open_and_for_nothing_twice() -> None:
     for asked, look in zip(rungs, race.looks, strict=True):
         for entry, start, stop in asked:
             assert start == have[entry]
-            assert stop == next_rung(start, 8)
+            assert stop == next_rung(start, 8, 1)
             assert before is None or before.open[entry] or entry == before.leader
             have[entry] = stop
         assert (look.replicates == have).all()

@@ -18,7 +18,7 @@ def crossed(counts: np.ndarray, bounds: np.ndarray, walks: int) -> float:
 
 @pytest.mark.parametrize("bound", [1.0, 2.0, 3.0])
 def test_the_chance_to_cross_is_that_of_simulated_walks(bound: float) -> None:
-    counts = rungs_from(8)[:12]
+    counts = rungs_from(8, 1)[:12]
     bounds = bound + 0.02 * np.arange(12)
     found = crossing_probability(counts, bounds)
     assert found == pytest.approx(crossed(counts, bounds, 200_000), rel=0.06)
@@ -33,14 +33,14 @@ def test_one_look_has_its_own_tail_and_bounds_in_vain_are_never_crossed() -> Non
 @pytest.mark.parametrize("alpha", [0.05, 2e-3, 5e-5, 5e-8])
 @pytest.mark.parametrize("start", [2, 8])
 def test_the_level_is_raised_and_kept(alpha: float, start: int) -> None:
-    level = level_at_rungs(start, alpha)
-    counts = rungs_from(start)
+    level = level_at_rungs(start, alpha, 1)
+    counts = rungs_from(start, 1)
     chance = crossing_probability(counts, asymptotic_multiple(counts, level))
     assert 0.7 * alpha < chance < alpha  # the rest is for one look beside the rungs
     assert 1.5 * alpha < level < 6.0 * alpha
 
 
 def test_walks_stay_below_the_bound_at_rungs() -> None:
-    counts = rungs_from(8)
-    bounds = asymptotic_multiple(counts, level_at_rungs(8, 0.02))
+    counts = rungs_from(8, 1)
+    bounds = asymptotic_multiple(counts, level_at_rungs(8, 0.02, 1))
     assert 0.012 < crossed(counts, bounds, 100_000) < 0.021

@@ -26,7 +26,7 @@ def test_a_mesh_is_closed_and_holds_the_bodys_volume(name: str) -> None:
 def test_a_hole_stays_a_hole() -> None:
     from pathlib import Path
 
-    vertices, faces = body_mesh(body_from_table(RING, Path()))
+    vertices, faces = body_mesh(body_from_table(RING, Path()), 28)
     edges = np.sort(np.concatenate([faces[:, [n, (n + 1) % 4]] for n in range(4)]), axis=1)
     characteristic = len(vertices) - len(np.unique(edges, axis=0)) + len(faces)
     assert characteristic == 0  # Euler's, of a torus
