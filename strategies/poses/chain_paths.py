@@ -12,14 +12,14 @@ from math import ceil, radians
 import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, closing_way
+from warpgrasp.hands.hand_model import BASE_FIRST, CURLS_DEG
 
 STEP_RAD = radians(0.5)
-CURLS_RAD = {f"curl{v}": radians(v) for v in (25, 40, 55)}
+CURLS_RAD = {f"curl{v}": radians(v) for v in CURLS_DEG}
 _BASE_SHARE, _OFF_STOPS_RAD = 0.7, radians(5)
 """Of `base_then_curl`: how far the base closes first, and by how much the others are off their
 stops, where a touch turns no joint."""
 EVENLY = "together"
-BASE_FIRST = "base_then_curl"
 
 
 def chain_path_names(hand: ChainHand) -> tuple[str, ...]:
