@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_checks": ["MOST_MEETING"],
     "hand_file": ["SHIPPED", "hand_from_file", "hand_named"],
-    "hand_frames": ["driven_angles", "finger_tips", "link_frames", "matrix_of",
+    "hand_frames": ["driven_angles", "finger_tips", "fixed_angles", "link_frames", "matrix_of",
                     "place_of", "posture_angles"],
     "hand_model": ["Box", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
                    "HandModel", "PadPlace", "Place", "Posture", "STILL", "Shape"],
