@@ -175,3 +175,14 @@ def test_the_command_writes_what_it_reads(tmp_path: Path,
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=200"]) == 2
     assert "hold: joint j1 at 200 deg; should be 0 to 57.3" in capsys.readouterr().err
     assert cli.run(["hand", str(tmp_path / "none.urdf"), "-o", str(out)]) == 2
+
+
+@pytest.mark.parametrize("option", [("--hold", "x=3"), ("--palm", "q"), ("--tip", "q")])
+def test_a_hand_that_is_read_again_takes_no_options_of_a_urdf(
+    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_text(hand_text(hand_named("barrett")))
+    assert cli.run(["hand", str(file), "-o", str(file), *option]) == 2
+    assert f"{option[0]}: is for a URDF, and {file} is a hand already" in capsys.readouterr().err
+    assert not file.with_suffix(".png").exists()
