@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_file": ["SHIPPED", "hand_from_file", "hand_named"],
     "hand_frames": ["driven_angles", "finger_tips", "fixed_angles", "link_frames", "matrix_of",
                     "place_of", "posture_angles"],
-    "hand_model": ["Box", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
+    "hand_model": ["BASE_FIRST", "Box", "CURLS_DEG", "Capsule", "HandClosing", "Finger", "Follow", "HandError", "HandJoint",
                    "HandModel", "PadPlace", "Place", "Posture", "STILL", "Shape"],
     "hand_writer": ["hand_text"],
     "frames_batch": ["link_frames_batch"],
