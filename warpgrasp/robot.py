@@ -39,6 +39,9 @@ if TYPE_CHECKING:
     from warpgrasp.sight.depth_view import DepthView
     from warpgrasp.sight.silhouette import Cameras
 
+_UNIT = 1e-6
+"""By how much a quaternion may be longer or shorter than 1."""
+
 
 @dataclass(frozen=True)
 class Grasps:
@@ -55,13 +58,29 @@ class Grasps:
 
 @dataclass
 class Truth:
-    """What truly happened, in the order it did: for the scorer alone."""
+    """What truly happened, in the order it did: for the scorer alone.
+
+    Raises ValueError for poses that are no places and unit quaternions.
+    """
 
     body_pose: np.ndarray
     """Where the objects truly stand, (world, 7)."""
     closings: list[ClosingTruth] = field(default_factory=list)
     lines: list[LineTruth] = field(default_factory=list)
     """Guarded lines, in the order they were made."""
+
+    def __post_init__(self) -> None:
+        pose = np.asarray(self.body_pose)
+        if pose.ndim != 2 or pose.shape[1] != 7:
+            raise ValueError(f"body_pose: of shape {pose.shape}; should be (world, 7), a position "
+                             "[m] and a quaternion xyzw each")
+        length = np.linalg.norm(pose[:, 3:], axis=1)
+        # Kernels take it at its word: of another length an object seems to stand elsewhere.
+        wrong = ~(np.isfinite(pose).all(1) & (np.abs(length - 1.0) < _UNIT))
+        if wrong.any():
+            world = int(np.argmax(wrong))
+            raise ValueError(f"body_pose: that of world {world} is {pose[world].tolist()}; should "
+                             "be finite, and its quaternion (the last four) of length 1")
 
 
 def _of_closed(closing: Closing, closes: np.ndarray) -> Closing:
@@ -94,11 +113,14 @@ class Robot:
         errors of calibration, whose deviations are those of `errors`. The robot that is has the
         tables `true`; those that are believed where there are none.
 
-        Raises ValueError for a number that none of `bodies` has, and where `true` moves the hand
-        along its mount, which arm and hand share, or is another hand; HandError for a hand that
-        cannot be used.
+        Raises ValueError for a number that none of `bodies` has, for poses, keys and numbers of
+        bodies that are not as many, and where `true` moves the hand along its mount, which arm and
+        hand share, or is another hand; HandError for a hand that cannot be used.
         """
         check_range("body", body, 0, len(bodies) - 1)
+        if len(key) != len(truth.body_pose) or len(body) not in (1, len(key)):
+            raise ValueError(f"{len(truth.body_pose)} true poses, {len(key)} keys, {len(body)} "
+                             "numbers of bodies; should be one of each a world (or one body)")
         self._scene = scene_of([touched_body(body) for body in bodies], device)
         self._body = body
         self._truth = truth

@@ -12,14 +12,14 @@ from math import ceil, radians
 import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, closing_way
+from warpgrasp.hands.hand_model import BASE_FIRST, CURLS_DEG
 
 STEP_RAD = radians(0.5)
-CURLS_RAD = {f"curl{v}": radians(v) for v in (25, 40, 55)}
+CURLS_RAD = {f"curl{v}": radians(v) for v in CURLS_DEG}
 _BASE_SHARE, _OFF_STOPS_RAD = 0.7, radians(5)
 """Of `base_then_curl`: how far the base closes first, and by how much the others are off their
 stops, where a touch turns no joint."""
 EVENLY = "together"
-BASE_FIRST = "base_then_curl"
 
 
 def chain_path_names(hand: ChainHand) -> tuple[str, ...]:
@@ -32,12 +32,13 @@ def chain_commands(hand: ChainHand, name: str) -> np.ndarray:
     """Every command of a closing path, drives [rad], (finger, step, width).
 
     No drive moves more than half a degree between two commands; row 0 is the open hand. Raises
-    KeyError for a name that is none of `chain_path_names`.
+    KeyError for a name that is none of `chain_path_names`, and names those.
     """
     named = {closing.name: closing for closing in hand.model.closings}
     words = (EVENLY, *CURLS_RAD, BASE_FIRST)
     if name not in named and name not in words:
-        raise KeyError(name)
+        raise KeyError(f"closing path {name!r}; should be one of "
+                       f"{', '.join(chain_path_names(hand))}")
     start, end = np.moveaxis(closing_way(
         hand, named[name] if name in named else hand.model.closings[0], 2), 1, 0)
     way = end - start

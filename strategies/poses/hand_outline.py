@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from strategies.poses.chain_paths import BASE_FIRST, chain_commands
+from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain.chain_hand import (
     ChainHand,
     capsule_ends,
@@ -17,6 +17,7 @@ from warpgrasp.chain.chain_hand import (
     link_frames_of,
     tip_places,
 )
+from warpgrasp.hands.hand_model import BASE_FIRST
 from warpgrasp.parameters import HandTable
 
 _WAY_STEPS = 61

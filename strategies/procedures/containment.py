@@ -29,15 +29,21 @@ def padded_commands(
     `closings` are names in `CLOSING_PATHS`, or of another hand those of `chain_path_names`. Returns
     the commands [rad], shape (grasp, finger, step, joint), shorter paths padded with their last
     command, and the number of steps of each path, shape (grasp,). Raises KeyError for an unknown
-    name.
+    name, and names those there are.
     """
     chain = None if hand is None else chain_of_table(hand)
-    paths = [closing_commands(CLOSING_PATHS[name]) if chain is None else
-             chain_commands(chain, name) for name in closings]
+    paths = [_utah_mit_commands(name) if chain is None else chain_commands(chain, name)
+             for name in closings]
     longest = max(p.shape[1] for p in paths)
     padded = np.stack([np.pad(p, ((0, 0), (0, longest - p.shape[1]), (0, 0)), mode="edge")
                        for p in paths])
     return padded, np.array([p.shape[1] for p in paths])
+
+
+def _utah_mit_commands(name: str) -> np.ndarray:
+    if name not in CLOSING_PATHS:
+        raise KeyError(f"closing path {name!r}; should be one of {', '.join(CLOSING_PATHS)}")
+    return closing_commands(CLOSING_PATHS[name])
 
 
 def explore_by_containment(

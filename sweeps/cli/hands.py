@@ -48,7 +48,8 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     urdf
         A URDF with its meshes (a TOML that this command wrote: only the picture is drawn again).
     out
-        The file to write, .toml; the picture gets the same name and .png.
+        The file to write, .toml; the picture gets the same name and .png. Of a TOML only the
+        picture is written.
     palm
         The link that fingers start from; by default the root.
     tip
@@ -66,8 +67,13 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
+    is_hand = urdf.suffix == ".toml"
+    for option, given in (("--palm", palm), ("--tip", tip), ("--hold", hold)):
+        if is_hand and given:
+            raise UsageError(f"{option}: is for a URDF, and {urdf} is a hand already; what it says "
+                             "should be changed in that file")
     with quiet_stdout():
-        if urdf.suffix == ".toml":
+        if is_hand:
             model, text = hand_from_file(urdf), None
         else:
             model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))

@@ -71,9 +71,16 @@ def check_arm(file: str, arm: ArmModel) -> ArmModel:
                        f"the {len(joints)} joints")
     if len({joint.name for joint in joints}) < len(joints):
         raise ArmError(f"{file}: joint: two have the same name; names should differ")
+    places = (*arm.base_xyz_m, *arm.base_rpy_rad, *arm.flange_xyz_m, *arm.flange_rpy_rad)
+    if not all(map(math.isfinite, places)):
+        raise ArmError(f"{file}: base or flange: a number that is not finite; should be finite")
     made = []
     for joint, home in zip(joints, arm.home_rad, strict=True):
         where = f"{file}: joint {joint.name}"
+        numbers = (*joint.xyz_m, *joint.rpy_rad, *joint.axis, joint.low_rad, joint.high_rad,
+                   joint.speed_rad_s)
+        if not all(map(math.isfinite, numbers)):
+            raise ArmError(f"{where}: a number that is not finite; should be finite")
         size = math.hypot(*joint.axis)
         if size < 1e-9:
             raise ArmError(f"{where}: axis: has no length; should be a direction")

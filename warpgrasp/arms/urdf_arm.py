@@ -4,10 +4,10 @@ import math
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from warpgrasp.arms.arm_file import check_arm
 from warpgrasp.arms.arm_model import ARM_JOINTS, ArmError, ArmJoint, ArmModel, Vector
+from warpgrasp.hands.hand_frames import fixed_angles
 from warpgrasp.hands.urdf_tree import UrdfJoint, UrdfTree, read_urdf
 
 _SPEED_RAD_S = math.pi / 2
@@ -29,12 +29,15 @@ def arm_from_urdf(file: Path, *, flange: str | None = None) -> tuple[ArmModel, t
     notes = []
     joints, before = [], np.eye(4)
     for joint in tree.path(link):
+        if not joint.usable:
+            raise ArmError(f"{file}: joint {joint.name}: is {joint.kind}; joints of an arm, before "
+                           f"link {link}, should be revolute, continuous or fixed")
         if joint.turns and joint.follows is None:
             xyz, rpy = _place(before @ joint.origin)
             if joint.speed_rad_s <= 0.0:
                 notes.append(f"joint {joint.name}: no speed; {math.degrees(_SPEED_RAD_S):g} deg/s "
                              "is a guess")
-            joints.append(_arm_joint(joint, xyz, rpy))
+            joints.append(_arm_joint(file, joint, xyz, rpy))
             before = np.eye(4)
         elif joint.turns:
             raise ArmError(f"{file}: joint {joint.name}: follows another joint; joints of an arm "
@@ -71,7 +74,13 @@ def _flange(tree: UrdfTree) -> str:
     return longest[0]
 
 
-def _arm_joint(joint: UrdfJoint, xyz: Vector, rpy: Vector) -> ArmJoint:
+def _arm_joint(file: Path, joint: UrdfJoint, xyz: Vector, rpy: Vector) -> ArmJoint:
+    if not (math.isfinite(joint.low_rad) and math.isfinite(joint.high_rad)):
+        raise ArmError(f"{file}: joint {joint.name}: limits from {joint.low_rad:g} to "
+                       f"{joint.high_rad:g} rad; should be finite, or the joint continuous")
+    if not math.isfinite(joint.speed_rad_s):
+        raise ArmError(f"{file}: joint {joint.name}: limit velocity is {joint.speed_rad_s:g}; "
+                       "should be a finite number [rad/s], or 0 where it is not known")
     x, y, z = (float(v) for v in joint.axis)
     return ArmJoint(joint.name, xyz, rpy, (x, y, z), joint.low_rad, joint.high_rad,
                     joint.speed_rad_s or _SPEED_RAD_S)
@@ -79,5 +88,4 @@ def _arm_joint(joint: UrdfJoint, xyz: Vector, rpy: Vector) -> ArmJoint:
 
 def _place(matrix: np.ndarray) -> tuple[Vector, Vector]:
     x, y, z = (float(v) for v in matrix[:3, 3])
-    roll, pitch, yaw = (float(v) for v in Rotation.from_matrix(matrix[:3, :3]).as_euler("xyz"))
-    return (x, y, z), (roll, pitch, yaw)
+    return (x, y, z), fixed_angles(matrix[:3, :3])

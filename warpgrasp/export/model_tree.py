@@ -3,7 +3,8 @@
 The hand's frame is its `grasp_frame`; a link is called after the joint that moves it.
 """
 
-from collections.abc import Sequence
+from collections.abc import Sequence, Set
+from dataclasses import replace
 from xml.sax.saxutils import escape
 
 import numpy as np
@@ -38,9 +39,24 @@ def hand_model_tree(
 
 
 def arm_model_tree(arm: ArmTable, model: HandModel, mount_length_m: float) -> list[Link]:
-    """The arm in its base frame with a hand, the hand's frame `mount_length_m` from the flange."""
+    """The arm in its base frame with a hand, the hand's frame `mount_length_m` from the flange.
+
+    A joint of the arm that is called as one of the hand's gets `carrying_` before its name.
+    """
     links, place = arm_tree(arm, mount_length_m)
-    return links + hand_model_tree(model, parent=links[-1].name, place=place)
+    carried = hand_model_tree(model, parent=links[-1].name, place=place)
+    taken = {link.joint.name for link in carried if link.joint is not None}
+    return [_renamed(link, taken) for link in links] + carried
+
+
+def _renamed(link: Link, taken: Set[str]) -> Link:
+    """The link, its joint under a name that is none of `taken`."""
+    if link.joint is None:
+        return link
+    name = link.joint.name
+    while name in taken:
+        name = f"carrying_{name}"
+    return replace(link, joint=replace(link.joint, name=name))
 
 
 def _hinge(joint: HandJoint) -> Joint:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Link
+from warpgrasp.hands.hand_frames import fixed_angles
 from warpgrasp.hands.hand_model import Box, Capsule
 from warpgrasp.hands.urdf_tree import NO_LIMIT_NM
 
@@ -150,13 +151,7 @@ def _inertial(capsules: Sequence[Capsule], boxes: Sequence[Box]) -> list[str]:
 
 
 def _origin(place: Sequence[float]) -> str:
-    m = Rotation.from_quat(place[3:]).as_matrix()
-    level = float(np.hypot(m[0, 0], m[1, 0]))
-    if level > 1e-9:
-        rpy = (np.arctan2(m[2, 1], m[2, 2]), np.arctan2(-m[2, 0], level),
-               np.arctan2(m[1, 0], m[0, 0]))
-    else:  # straight up or down: roll and yaw are one turn
-        rpy = (np.arctan2(-m[1, 2], m[1, 1]), np.arctan2(-m[2, 0], level), 0.0)
+    rpy = fixed_angles(Rotation.from_quat(place[3:]).as_matrix())
     return f'<origin xyz="{_all(place[:3])}" rpy="{_all(rpy)}"/>'
 
 

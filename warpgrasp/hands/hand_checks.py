@@ -8,8 +8,9 @@ from itertools import pairwise
 
 import numpy as np
 
-from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_frames import matrix_of, posture_angles
 from warpgrasp.hands.hand_model import (
+    CLOSING_WORDS,
     SENSES,
     Box,
     Finger,
@@ -57,6 +58,23 @@ def check_hand(model: HandModel) -> HandModel:
         _check_path(path, model.postures, list(names))
     _check_touching(model)
     return model
+
+
+def check_closings(model: HandModel) -> None:
+    """Raises HandError for a hand that cannot close: without a path, or with one along which
+    nothing moves, or whose name is that of another way to close."""
+    if not model.closings:
+        raise HandError("closings: there is none; should have one at least, from a posture to "
+                        "another")
+    number = {joint.name: n for n, joint in enumerate(model.driven)}
+    for path in model.closings:
+        start, end = (posture_angles(model, model.posture(name)) for name in (path.start, path.end))
+        if np.abs(end - start)[[number[name] for name in path.moves]].max() < NEAR:
+            raise HandError(f"closing {path.name}: no joint that it moves is elsewhere in posture "
+                            f"{path.end} than in {path.start}; one at least should be")
+        if path.name in CLOSING_WORDS:
+            raise HandError(f"closing {path.name}: is the name of a way in which every hand closes "
+                            f"({', '.join(CLOSING_WORDS)}); should be another name")
 
 
 def _check_touching(model: HandModel) -> None:
@@ -111,6 +129,9 @@ def _check_finger(finger: Finger) -> None:
         if joint.stiffness_Nm_rad <= 0.0:
             raise HandError(f"joint {joint.name}: stiffness {joint.stiffness_Nm_rad:g}; should be "
                             "more than 0")
+        if joint.effort_Nm < 0.0:
+            raise HandError(f"joint {joint.name}: effort {joint.effort_Nm:g} N m; should be more "
+                            "than 0, or 0 where it is not known")
     for joint, after in pairwise(finger.joints):
         ahead = matrix_of(after.place)
         same = np.linalg.norm(np.cross(joint.axis, ahead[:3, :3] @ after.axis)) < NEAR

@@ -10,7 +10,7 @@ from typing import Annotated
 
 from pydantic import BaseModel, ConfigDict, Field
 
-from warpgrasp.hands.hand_checks import NEAR, check_hand
+from warpgrasp.hands.hand_checks import NEAR, check_closings, check_hand
 from warpgrasp.hands.hand_model import (
     STILL,
     Box,
@@ -35,6 +35,9 @@ _DATA = Path(__file__).parent / "data"
 SHIPPED = ("utah_mit", "allegro", "leap", "barrett")
 ACROSS = 0.5
 """Share of a pad's side across its axis, least."""
+_IDLE = {"box": (("radius_mm", "fit_error_mm"), "box_mm, at_mm and turn are all of it"),
+         "capsule": (("at_mm", "turn"), "capsule_mm says where its ends are")}
+"""Of each kind of shape the keys that would say nothing, and why."""
 _Three = tuple[float, float, float]
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
 
@@ -142,9 +145,11 @@ def hand_from_file(file: Path) -> HandModel:
     right."""
     given = read_strict(file, _Hand, HandError, "warpgrasp hand URDF -o FILE")
     try:
-        return check_hand(_model(given))
+        model = check_hand(_model(given))
+        check_closings(model)
     except HandError as error:
         raise HandError(f"{file}: {error}") from None
+    return model
 
 
 def _model(given: _Hand) -> HandModel:
@@ -200,6 +205,11 @@ def _shape(given: _Shape, where: str) -> Shape:
     if (given.box_mm is None) == (given.capsule_mm is None):
         raise HandError(f"{where}: a shape without box_mm or capsule_mm, or with both; should have "
                         "one of them")
+    kind = "capsule" if given.box_mm is None else "box"
+    idle, why = _IDLE[kind]
+    for key in idle:
+        if key in given.model_fields_set:
+            raise HandError(f"{where}: a {kind} with {key}; should be without, for {why}")
     if given.box_mm is not None:
         return Box(_place(given, where), _metres(given.box_mm))
     start, end = given.capsule_mm or (STILL[:3], STILL[:3])

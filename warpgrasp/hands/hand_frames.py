@@ -37,6 +37,18 @@ def place_of(matrix: np.ndarray) -> Place:
     return x, y, z, a, b, c, d
 
 
+def fixed_angles(turn: np.ndarray) -> tuple[float, float, float]:
+    """Roll, pitch and yaw [rad] of a turn (3, 3): about the fixed x, then y, then z axis, as in
+    a URDF."""
+    level = float(np.hypot(turn[0, 0], turn[1, 0]))
+    pitch = float(np.arctan2(-turn[2, 0], level))
+    if level > 1e-9:
+        return (float(np.arctan2(turn[2, 1], turn[2, 2])), pitch,
+                float(np.arctan2(turn[1, 0], turn[0, 0])))
+    # Straight up or down: roll and yaw are one turn.
+    return float(np.arctan2(-turn[1, 2], turn[1, 1])), pitch, 0.0
+
+
 def link_frames(model: HandModel, q_rad: np.ndarray) -> tuple[np.ndarray, ...]:
     """Frames of every finger's links in the palm's frame, (pose, joint of the finger, 4, 4).
 

@@ -195,3 +195,8 @@ class HandModel:
 
 SENSES = ("tendons", "joint_torques", "tip_switches", "nothing")
 """What a hand's fingers feel beside their joint angles."""
+CURLS_DEG, BASE_FIRST = (25, 40, 55), "base_then_curl"
+"""Every hand closes along its first path in other ways too: `curl25` and so on turn the outer
+joints by so many degrees first, `base_then_curl` closes the base first."""
+CLOSING_WORDS = (*(f"curl{v}" for v in CURLS_DEG), BASE_FIRST)
+"""The names of these ways, which no path of a hand's own may have."""

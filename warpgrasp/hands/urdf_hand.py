@@ -110,8 +110,9 @@ def _finger(
             before = before @ _still(joint, chains)
             continue
         x, y, z = (float(v) for v in joint.axis)
+        low, high = chains.limits_rad.get(joint.name, (joint.low_rad, joint.high_rad))
         made.append(HandJoint(
-            joint.name, place_of(before @ joint.origin), (x, y, z), joint.low_rad, joint.high_rad,
+            joint.name, place_of(before @ joint.origin), (x, y, z), low, high,
             joint.effort_Nm, stiffness, chains.follows.get(joint.name),
             _rigid(tree, joint.child, chains, np.eye(4))))
         before = np.eye(4)

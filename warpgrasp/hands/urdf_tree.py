@@ -1,4 +1,4 @@
-"""A URDF as a tree of links that are joined by revolute and fixed joints, read by yourdfpy.
+"""A URDF as a tree of links and joints, read by yourdfpy.
 
 Raises HandError naming the file, the element, and what would be right.
 """
@@ -29,7 +29,8 @@ class UrdfJoint:
     parent: str
     child: str
     origin: np.ndarray
-    turns: bool
+    kind: str
+    """The file's word: revolute, continuous, fixed, or one that no hand and no arm has."""
     axis: np.ndarray
     low_rad: float
     high_rad: float
@@ -38,6 +39,16 @@ class UrdfJoint:
     speed_rad_s: float
     follows: tuple[str, float, float] | None
     """Another joint's name, a factor, and an offset [rad]."""
+
+    @property
+    def turns(self) -> bool:
+        """Whether it moves as joints of hands and arms do."""
+        return self.kind in _TURNING
+
+    @property
+    def usable(self) -> bool:
+        """Whether it turns or stands still."""
+        return self.turns or self.kind == "fixed"
 
 
 @dataclass(frozen=True)
@@ -124,9 +135,6 @@ def _parsed(file: Path) -> Any:
 
 def _joint(file: Path, given: Any) -> UrdfJoint:
     where = f"{file}: joint {given.name}"
-    if given.type not in (*_TURNING, "fixed"):
-        raise HandError(f"{where}: is {given.type}; joints of a hand should be revolute, "
-                        "continuous or fixed")
     origin = np.eye(4) if given.origin is None else np.asarray(given.origin, float)
     axis = np.asarray(given.axis, float)
     if origin.shape != (4, 4) or axis.shape != (3,) or not (
@@ -155,8 +163,8 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
     if turns and given.mimic is not None:
         mimic = given.mimic
         follows = (str(mimic.joint), float(mimic.multiplier), float(mimic.offset))
-    return UrdfJoint(given.name, given.parent, given.child, origin, turns, axis, low, high, effort,
-                     speed, follows)
+    return UrdfJoint(given.name, given.parent, given.child, origin, str(given.type), axis, low,
+                     high, effort, speed, follows)
 
 
 def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> str:

@@ -149,3 +149,10 @@ def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:
     ideal = np.sqrt(2 * pi * (1 - np.cos(cap)) / 64)
     assert apart.min() > 0.6 * ideal
     assert apart.min(1).max() < 1.4 * ideal
+
+
+@pytest.mark.parametrize("family", [Ring, Column, Opposing, Top, Random, Spiral, Hemisphere])
+def test_a_family_of_no_poses_is_refused(family: type) -> None:
+    for count in (0, -3):
+        with pytest.raises(WaypointError, match=f"{family.__name__}: count is {count}; should be"):
+            family(count=count)

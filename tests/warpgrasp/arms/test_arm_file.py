@@ -6,8 +6,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
-from warpgrasp.arms.arm_file import SHIPPED_ARMS, arm_from_file, arm_named, arm_text
+from warpgrasp.arms.arm_file import (
+    SHIPPED_ARMS,
+    arm_from_file,
+    arm_named,
+    arm_text,
+    check_arm,
+)
 from warpgrasp.arms.arm_model import ArmError
 from warpgrasp.arms.serial_arm import flange_poses
 from warpgrasp.arms.urdf_arm import arm_from_urdf
@@ -107,3 +114,55 @@ def test_a_file_nested_without_end_is_refused(tmp_path: Path) -> None:
     file.write_text("x = " + "[" * 100_000)
     with pytest.raises(ArmError, match="is not valid TOML"):
         arm_from_file(file)
+
+
+def test_only_the_way_to_the_flange_must_turn(tmp_path: Path) -> None:
+    """A gripper with a finger that slides, beyond the flange; then a rail before the arm."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "arm.urdf"
+    slide = ('<link name="finger"/><joint name="slide" type="prismatic"><parent link="{}"/><child '
+             'link="{}"/><axis xyz="0 1 0"/><limit lower="0" upper="0.04" effort="1" '
+             'velocity="1"/></joint></robot>')
+    file.write_text(chain(7).replace("</robot>", slide.format("l7", "finger")))
+    for flange in (None, "l7"):
+        assert len(arm_from_urdf(file, flange=flange)[0].joints) == 7
+    file.write_text(chain(7).replace("</robot>", slide.format("finger", "l0")))
+    with pytest.raises(ArmError, match="joint slide: is prismatic; joints of an arm, before link"):
+        arm_from_urdf(file)
+
+
+@pytest.mark.parametrize(("old", "new", "message"), [
+    ('lower="-1" upper="2"', 'lower="-inf" upper="inf"',
+     "joint j0: limits from -inf to inf rad; should be finite, or the joint continuous"),
+    ('velocity="1"', 'velocity="nan"', "joint j0: limit velocity is nan; should be a finite"),
+    ('velocity="1"', 'velocity="inf"', "joint j0: limit velocity is inf; should be a finite"),
+])
+def test_a_limit_that_is_not_finite_is_named(old: str, new: str, message: str,
+                                             tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "arm.urdf"
+    file.write_text(chain(7).replace(old, new, 1))
+    with pytest.raises(ArmError, match=re.escape(message)):
+        arm_from_urdf(file)
+
+
+def test_a_model_of_an_arm_is_finite() -> None:
+    model = arm_named("panda")
+    for changed in ({"speed_rad_s": np.nan}, {"high_rad": np.inf}, {"rpy_rad": (np.nan, 0.0, 0.0)}):
+        joints = (replace(model.joints[0], **changed), *model.joints[1:])
+        with pytest.raises(ArmError, match=r"mine: joint .*: a number that is not finite"):
+            check_arm("mine", replace(model, joints=joints))
+    with pytest.raises(ArmError, match="mine: base or flange: a number that is not finite"):
+        check_arm("mine", replace(model, flange_xyz_m=(np.nan, 0.0, 0.0)))
+
+
+@pytest.mark.filterwarnings("error::UserWarning")
+@pytest.mark.parametrize("pitch", [np.pi / 2, -np.pi / 2, 0.3])
+def test_a_link_that_stands_straight_up_is_read_without_a_warning(pitch: float,
+                                                                 tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "arm.urdf"
+    file.write_text(chain(6).replace('rpy="1.5 0 0"', f'rpy="0.4 {pitch!r} -0.7"', 1))
+    found = arm_from_urdf(file, flange="l6")[0].joints[1].rpy_rad
+    turns = Rotation.from_euler("xyz", [found, (0.4, pitch, -0.7)]).as_matrix()
+    assert turns[0] == pytest.approx(turns[1], abs=1e-9)

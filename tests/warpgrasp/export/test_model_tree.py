@@ -121,6 +121,20 @@ def test_the_arm_carries_any_hand() -> None:
     assert engine.nu == 6 + len(model.driven)
 
 
+@pytest.mark.parametrize("kind", ["puma560", "panda"])
+def test_a_hand_may_call_its_joints_as_the_arm_does(kind: str) -> None:
+    model = hand_named("allegro")
+    first = model.fingers[0]
+    clashing = (replace(first.joints[0], name="arm_joint1"), *first.joints[1:])
+    model = replace(model, fingers=(replace(first, joints=clashing), *model.fingers[1:]))
+    links = arm_model_tree(ArmTable(kind=kind), model, 0.1)
+    names = [link.joint.name for link in links if link.joint is not None]
+    assert len(set(names)) == len(names)
+    assert names[:2] == ["carrying_arm_joint1", "arm_joint2"]
+    plain = arm_model_tree(ArmTable(kind=kind), hand_named("allegro"), 0.1)
+    assert next(link.joint.name for link in plain if link.joint is not None) == "arm_joint1"
+
+
 def test_the_command_exports_every_hand(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for word in ("leap", "barrett"):
         file = tmp_path / f"{word}.xml"

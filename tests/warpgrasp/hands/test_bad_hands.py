@@ -4,32 +4,16 @@ import re
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
-from chains import random_angles
+from urdf_parts import joint, link, robot
 
 from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
-from warpgrasp.hands.hand_frames import driven_angles
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # yourdfpy's own
-BALL = '<collision><geometry><sphere radius="0.01"/></geometry></collision>'
-
-
-def link(name: str, inside: str = BALL) -> str:
-    return f'<link name="{name}">{inside}</link>'
-
-
-def joint(name: str, parent: str, child: str, *, kind: str = "revolute", at: str = "0 0 0.03",
-          limit: str = '<limit lower="0" upper="1" effort="1" velocity="1"/>', more: str = "",
-          axis: str = "0 1 0") -> str:
-    return (f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
-            f'<origin xyz="{at}"/><axis xyz="{axis}"/>{limit}{more}</joint>')
-
-
 GOOD = [link("palm"), link("a"), link("b"), joint("j1", "palm", "a"), joint("j2", "a", "b")]
 
 
@@ -46,7 +30,7 @@ BAD = {
     "circle": ([link("palm"), link("a"), link("b"), joint("j1", "b", "a"), joint("j2", "a", "b")],
                "joint j[12]: is part of a loop; a hand should be a tree"),
     "prismatic": ([*GOOD[:4], joint("j2", "a", "b", kind="prismatic")],
-                  "joint j2: is prismatic; .*should be revolute"),
+                  "joint j2: is prismatic; joints of a hand, beyond link palm, should be rev"),
     "no length": ([*GOOD[:4], joint("j2", "a", "b", at="0 0 0")],
                   "joint j2: turns about the axis of joint j1, .*no length; should stand apart"),
     "reversed": ([*GOOD[:4], joint("j2", "a", "b", limit='<limit lower="1" upper="-1" effort="1" '
@@ -81,7 +65,7 @@ def test_a_bad_urdf_is_refused(name: str, tmp_path: Path,
     parts, message = BAD[name]
     file, out = tmp_path / "bad.urdf", tmp_path / "hand.toml"
     # A ball at the last link's frame gives it a tip one radius out.
-    file.write_text(f'<robot name="bad">{"".join(parts)}</robot>')
+    file.write_text(robot(parts))
     assert cli.run(["hand", str(file), "-o", str(out)]) == 2
     said = capsys.readouterr().err
     assert re.search(f"{re.escape(str(file))}: {message}", said), said
@@ -119,6 +103,19 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change('^"joint_1.0" = .*', '"joint_1.0" = 500'), "joint joint_1.0 at 500 deg; should be"),
     (change("^box_mm = .*", ""), "a shape without box_mm or capsule_mm"),
     (change("^box_mm = .*", "box_mm = [1, 0, 1]"), "palm: a shape of size 0 m; should be more"),
+    (change("^capsule_mm = ", "at_mm = [100, 0, 0]\ncapsule_mm = "),
+     "joint joint_3.0: a capsule with at_mm; should be without, for capsule_mm says"),
+    (change("^capsule_mm = ", "turn = [0, 0, 0, 1]\ncapsule_mm = "), "a capsule with turn; should"),
+    (change("^box_mm = ", "radius_mm = 5\nbox_mm = "), r"palm\[0\]: a box with radius_mm; should"),
+    (change("^effort_Nm = .*", "effort_Nm = -0.5"),
+     "joint joint_0.0: effort -0.5 N m; should be more than 0, or 0 where it is not known"),
+    (change(r"^\[closings[\s\S]*?\n\n", "[closings]\n"),
+     "closings: there is none; should have one"),
+    (change('^end = "closed"', 'end = "open"'),
+     "closing grasp: no joint that it moves is elsewhere in posture open than in open"),
+    (change("^moves = .*", 'moves = ["joint_12.0"]'), "closing grasp: no joint that it moves is"),
+    (change('^.closings."grasp".', '[closings."curl40"]'),
+     "closing curl40: is the name of a way in which every hand closes .curl25, .*another name"),
     (change("^name = ", "nane = "), "nane: extra inputs are not permitted"),
     (change("^axis = .*", "axis = [0, nan, 0]"), "axis.*finite"),
     (change("^pads = .*", 'pads = ["joint_4.0"]'), "a pad on 'joint_4.0'; should be on one of"),
@@ -160,44 +157,11 @@ def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
         assert hand_text(again) == file.read_text()
 
 
-def test_rows_of_followers_lead_to_the_driven_joint(tmp_path: Path) -> None:
-    """j3 follows j2, which follows j1."""
-    pytest.importorskip("yourdfpy")
-    names = ["palm", "a", "b", "c"]
-    file = tmp_path / "hand.urdf"
-    file.write_text('<robot name="x">' + "".join([
-        *map(link, names), joint("j1", "palm", "a"),
-        joint("j2", "a", "b", more='<mimic joint="j1" multiplier="0.5" offset="0.1"/>'),
-        joint("j3", "b", "c", more='<mimic joint="j2" multiplier="2" offset="-0.3"/>')
-    ]) + "</robot>")
-    model, _ = hand_from_urdf(file)
-    assert [j.name for j in model.driven] == ["j1"]
-    q = random_angles(model, 3)
-    assert np.allclose(driven_angles(model, q), np.hstack([q, 0.5 * q + 0.1, q - 0.1]))
-
-
-def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path) -> None:
-    pytest.importorskip("yourdfpy")
-    file = tmp_path / "hand.urdf"
-    names = ["arm", "palm", "a", "a_tip", "b"]
-    tip = joint("weld", "a", "a_tip", kind="fixed", limit="")
-    file.write_text('<robot name="x">' + "".join([
-        *map(link, names), joint("wrist", "arm", "palm"), joint("j1", "palm", "a"), tip,
-        joint("j2", "palm", "b")]) + "</robot>")
-    model, notes = hand_from_urdf(file)
-    assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
-    assert any("wrist moves several fingers: it is held at 0 deg" in note for note in notes)
-    assert model.fingers[0].tip_m == (0.0, 0.0, 0.03)  # the link that is called a tip
-    alone, notes = hand_from_urdf(file, palm="palm", tips=["a_tip"])
-    assert [[j.name for j in f.joints] for f in alone.fingers] == [["j1"]]
-    assert any("j2 is in no finger" in note for note in notes)
-
-
 def test_the_command_writes_what_it_reads(tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("yourdfpy")
     file, out = tmp_path / "hand.urdf", tmp_path / "hand.toml"
-    file.write_text(f'<robot name="x">{"".join(GOOD)}</robot>')
+    file.write_text(robot(GOOD))
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=20"]) == 0
     assert capsys.readouterr().out.split() == [str(out), str(tmp_path / "hand.png")]
     assert "GUESS" in out.read_text()
@@ -211,3 +175,14 @@ def test_the_command_writes_what_it_reads(tmp_path: Path,
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=200"]) == 2
     assert "hold: joint j1 at 200 deg; should be 0 to 57.3" in capsys.readouterr().err
     assert cli.run(["hand", str(tmp_path / "none.urdf"), "-o", str(out)]) == 2
+
+
+@pytest.mark.parametrize("option", [("--hold", "x=3"), ("--palm", "q"), ("--tip", "q")])
+def test_a_hand_that_is_read_again_takes_no_options_of_a_urdf(
+    option: tuple[str, str], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_text(hand_text(hand_named("barrett")))
+    assert cli.run(["hand", str(file), "-o", str(file), *option]) == 2
+    assert f"{option[0]}: is for a URDF, and {file} is a hand already" in capsys.readouterr().err
+    assert not file.with_suffix(".png").exists()

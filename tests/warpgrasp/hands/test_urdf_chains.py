@@ -1,0 +1,140 @@
+"""Which joints of a URDF move, which follow, which stand still and where."""
+
+from math import degrees
+from pathlib import Path
+
+import numpy as np
+import pytest
+from chains import random_angles
+from urdf_parts import joint, link, robot
+
+from warpgrasp.hands.hand_frames import driven_angles, finger_tips, posture_angles
+from warpgrasp.hands.urdf_hand import hand_from_urdf
+
+pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # yourdfpy's own
+LIMIT = '<limit lower="{}" upper="{}" effort="1" velocity="1"/>'
+
+
+def test_rows_of_followers_lead_to_the_driven_joint(tmp_path: Path) -> None:
+    """j3 follows j2, which follows j1."""
+    pytest.importorskip("yourdfpy")
+    names = ["palm", "a", "b", "c"]
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, names), joint("j1", "palm", "a"),
+        joint("j2", "a", "b", more='<mimic joint="j1" multiplier="0.5" offset="0.1"/>'),
+        joint("j3", "b", "c", more='<mimic joint="j2" multiplier="2" offset="-0.3"/>')
+    ]))
+    model, _ = hand_from_urdf(file)
+    assert [j.name for j in model.driven] == ["j1"]
+    q = random_angles(model, 3)
+    assert np.allclose(driven_angles(model, q), np.hstack([q, 0.5 * q + 0.1, q - 0.1]))
+
+
+def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    names = ["arm", "palm", "a", "a_tip", "b"]
+    tip = joint("weld", "a", "a_tip", kind="fixed", limit="")
+    file.write_text(robot([
+        *map(link, names), joint("wrist", "arm", "palm"), joint("j1", "palm", "a"), tip,
+        joint("j2", "palm", "b")]))
+    model, notes = hand_from_urdf(file)
+    assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
+    assert any("wrist moves several fingers: it is held at 0 deg" in note for note in notes)
+    assert model.fingers[0].tip_m == (0.0, 0.0, 0.03)  # the link that is called a tip
+    alone, notes = hand_from_urdf(file, palm="palm", tips=["a_tip"])
+    assert [[j.name for j in f.joints] for f in alone.fingers] == [["j1"]]
+    assert any("j2 is in no finger" in note for note in notes)
+
+
+@pytest.mark.parametrize(("held", "first", "second"), [
+    ({}, 0.2, 0.2), ({"w1": 0.6}, 0.6, 0.4), ({"w1": 0.6, "w2": 0.1}, 0.6, 0.1)])
+def test_a_joint_that_follows_one_that_is_held_is_held_where_that_one_leads_it(
+    held: dict[str, float], first: float, second: float, tmp_path: Path,
+) -> None:
+    """Two of a wrist, of limits 0.2 to 1: the second follows the first at half its angle and 0.1.
+    """
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    names = ["arm", "wrist", "palm", "a", "b"]
+    file.write_text(robot([
+        *map(link, names), joint("w1", "arm", "wrist", limit=LIMIT.format(0.2, 1)),
+        joint("w2", "wrist", "palm", more='<mimic joint="w1" multiplier="0.5" offset="0.1"/>'),
+        joint("j1", "palm", "a", at="0.1 0 0.03"), joint("j2", "palm", "b", at="0 0.1 0.03")]))
+    model, notes = hand_from_urdf(file, held_rad=held)
+    at_rest = np.array([model.fingers[0].joints[0].place[:3]])
+    c1, s1 = np.cos(first), np.sin(first)
+    c, s = np.cos(first + second), np.sin(first + second)
+    base = np.array([0.03 * s1 + 0.1 * c + 0.03 * s, 0.0, 0.03 + 0.03 * c1 - 0.1 * s + 0.03 * c])
+    assert at_rest[0] == pytest.approx(base, abs=1e-12)
+    if "w2" not in held:
+        said = f"w2 moves several fingers: it is held at {degrees(second):.4g} deg, as it follows"
+        assert any(said in note for note in notes)
+
+
+def test_a_follower_of_a_follower_that_is_held_stands_still(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, ["palm", "a", "b", "c"]), joint("j1", "palm", "a"),
+        joint("j2", "a", "b", more='<mimic joint="j1"/>'),
+        joint("j3", "b", "c", more='<mimic joint="j2" multiplier="0.5"/>')]))
+    model, notes = hand_from_urdf(file, held_rad={"j2": 0.4})
+    assert [j.name for j in model.joints] == ["j1"]
+    stands = f"j3 follows j2, which stands still: so does it, at {degrees(0.2):.4g} deg"
+    assert any(stands in note for note in notes)
+
+
+def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
+    """j2 and j3 follow j1, of limits 0 to 1.5, at twice its angle and against it; a joint without
+    limits of its own binds none."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, ["palm", "a", "b", "c", "d"]),
+        joint("j1", "palm", "a", limit=LIMIT.format(0, 1.5)),
+        joint("j2", "a", "b", limit=LIMIT.format(0, 1.5),
+              more='<mimic joint="j1" multiplier="2"/>'),
+        joint("j3", "b", "c", limit=LIMIT.format(-2, -0.1),
+              more='<mimic joint="j1" multiplier="-1" offset="-0.05"/>'),
+        joint("j4", "c", "d", kind="continuous", limit="",
+              more='<mimic joint="j1" multiplier="9"/>')]))
+    model, notes = hand_from_urdf(file)
+    assert (model.joints[0].low_rad, model.joints[0].high_rad) == pytest.approx((0.05, 0.75))
+    assert any("joint j1 goes from 2.865 to 42.97 deg, as far as" in note for note in notes)
+    for posture in model.postures:
+        angles = driven_angles(model, posture_angles(model, posture))
+        assert all(j.low_rad - 1e-9 <= angle <= j.high_rad + 1e-9
+                   for j, angle in zip(model.joints[:3], angles[:3], strict=True))
+
+
+@pytest.mark.parametrize(("factor", "limits"), [(-1, (-1.0, 0.0)), (0, (0.0, 1e-6))])
+def test_limits_of_a_follower_that_contradict_its_mimic_do_not_count(
+    factor: int, limits: tuple[float, float], tmp_path: Path,
+) -> None:
+    """As in URDFs of grippers whose joints go from 0 to 1 each, one against the other."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, ["palm", "a", "b"]), joint("j1", "palm", "a"),
+        joint("j2", "a", "b", limit=LIMIT.format(0 if factor else 0.5, 1),
+              more=f'<mimic joint="j1" multiplier="{factor}"/>')]))
+    model, notes = hand_from_urdf(file)
+    found = [(j.low_rad, j.high_rad) for j in model.joints]
+    assert found == [(0.0, 1.0), pytest.approx(limits)]
+    assert any("joint j2 goes from" in note and "as j1 leads it" in note for note in notes)
+
+
+def test_what_is_before_the_palm_may_slide_and_float(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, ["world", "slide", "palm", "a"]),
+        joint("rail", "world", "slide", kind="prismatic"),
+        joint("free", "slide", "palm", kind="floating", limit=""), joint("j1", "palm", "a")]))
+    model, _ = hand_from_urdf(file, palm="palm")
+    assert [j.name for j in model.joints] == ["j1"]
+    assert finger_tips(model, np.zeros((1, 1))) == pytest.approx(np.array([[[0.01, 0.0, 0.03]]]))
+    with pytest.raises(ValueError, match="joint rail: is prismatic; joints of a hand, beyond"):
+        hand_from_urdf(file)

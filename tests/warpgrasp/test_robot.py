@@ -1,0 +1,45 @@
+"""What a robot is given is refused, with what would be right, before any kernel takes it."""
+
+import numpy as np
+import pytest
+
+from strategies.procedures.containment import explore_by_containment
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.robot import Robot, Truth
+
+POSE = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
+KEY = np.arange(2, dtype=np.uint64)
+
+
+def robot(truth: Truth, key: np.ndarray = KEY, body: int = 1, kind: str = "utah_mit") -> Robot:
+    return Robot([body_from_name("block")], np.zeros(body, int), truth, key, ArmTable(),
+                 HandTable(kind=kind), SensorTable())
+
+
+@pytest.mark.parametrize("last", [(0, 0, 0, 2.0), (0, 0, 0, 0), (np.nan, 0, 0, 1)])
+def test_a_true_pose_has_a_unit_quaternion(last: tuple[float, ...]) -> None:
+    pose = POSE.copy()
+    pose[1, 3:] = last
+    with pytest.raises(ValueError, match=r"body_pose: that of world 1 is \[0.45, .* of length 1"):
+        Truth(pose)
+
+
+@pytest.mark.parametrize("pose", [POSE[:, :6], POSE[0], POSE[None]])
+def test_true_poses_are_rows_of_seven(pose: np.ndarray) -> None:
+    with pytest.raises(ValueError, match=r"body_pose: of shape .*; should be \(world, 7\)"):
+        Truth(pose)
+
+
+def test_poses_keys_and_bodies_are_as_many() -> None:
+    for key, body in ((KEY[:1], 1), (np.arange(3, dtype=np.uint64), 1), (KEY, 3)):
+        with pytest.raises(ValueError, match="should be one of each a world"):
+            robot(Truth(POSE), key, body)
+    assert robot(Truth(POSE), body=2).worlds == 2
+
+
+@pytest.mark.parametrize("kind", ["utah_mit", "allegro"])
+def test_closing_paths_that_there_are_are_named(kind: str) -> None:
+    with pytest.raises(KeyError, match="closing path 'curl41'; should be one of together, curl25"):
+        explore_by_containment(robot(Truth(POSE), kind=kind), np.zeros((2, 1, 7)),
+                               np.ones((2, 1), bool), ("curl41",))
