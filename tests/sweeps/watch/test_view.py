@@ -133,6 +133,30 @@ def test_nothing_is_written_and_what_is_damaged_is_left(tmp_path: Path) -> None:
     assert dict(state.failures)["unit_failed"] == 64
 
 
+def test_what_failed_or_was_damaged_is_taken_in_when_it_was_run_again(tmp_path: Path) -> None:
+    plan, out = plan_of(tmp_path / "spec", SPEC), tmp_path / "out"
+    store = fill(out, plan)
+    expected = View(out, "chamfer_mm").state()
+    first, second = list(plan.units())[:2]
+    good = {unit.id: store.path(unit).read_bytes() for unit in (first, second)}
+    store.path(first).unlink()
+    store.log(first).write_text("strategy ant\n\nValueError: no such luck\n")
+    store.path(second).write_bytes(good[second.id][:200])
+    view = View(out, "chamfer_mm")
+    assert dict(view.state().failures)["unit_failed"] == 64
+    store.log(first).unlink()
+    view._due = 0.0
+    state = view.state()  # a run tries it again just now
+    assert "unit_failed" not in dict(state.failures)
+    assert dict(state.facts)["units"] == f"{plan.unit_count - 2} of {plan.unit_count}"
+    for unit in (first, second):
+        store.path(unit).write_bytes(good[unit.id])
+    view._due = 0.0
+    state = view.state()
+    assert state.notes == ()
+    assert state == expected
+
+
 def test_looks_take_less_than_a_hundredth_of_the_time(tmp_path: Path,
                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     fill(tmp_path / "out", plan_of(tmp_path / "spec", SPEC))
