@@ -221,6 +221,38 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert json.loads(View(out, "iou").json())["kind"] == "race"
 
 
+def test_what_was_worked_on_last_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    text = SPEC.replace("= 130", "= 4")
+    spec, out = write_spec(tmp_path, text), tmp_path / "out"
+
+    def status() -> dict[str, object]:
+        capsys.readouterr()
+        assert cli.run(["status", str(out), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    race = ["race", str(spec), "-o", str(out), "--within", "0.3"]
+    assert cli.run(race) == 0
+    view, files = View(out, "chamfer_mm"), len(list((out / "units").iterdir()))
+    assert view.state().kind == "race"
+    found = status()
+    assert found["race"] == "decided"
+    assert (found["units"], found["done"], found["left"]) == (None, files, None)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    view._due = 0.0
+    assert (view.state().kind, view.state().done) == ("sweep", 1.0)
+    found = status()
+    assert "race" not in found
+    assert (found["units"], found["done"], found["other_files"]) == (12, 12, files)
+    assert cli.run(race) == 0
+    view._due = 0.0
+    assert view.state().kind == "race"
+    assert cli.run(["sweep", str(spec), "-o", str(out), "--until", "50"]) == 0
+    view._due = 0.0
+    assert view.state().kind == "sweep"
+
+
 def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "spec", SPEC)
     store = Store(tmp_path / "out")
