@@ -42,8 +42,9 @@ def learn(
             if unlisted == 0:
                 raise StoreError(str(error)) from None
             known = None
-        models, left_out = _learned(objects, strategies, episodes, seed, unlisted, known, only, device,
-                          _command(what, strategies, episodes, seed, unlisted, extend, only))
+        models, left_out = _learned(
+            objects, strategies, episodes, seed, unlisted, known, only, device,
+            _command(what, strategies, episodes, seed, unlisted, extend, only))
         try:
             write_atomic(out, models_text(models).encode())
         except OSError as error:

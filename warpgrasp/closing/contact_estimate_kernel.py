@@ -39,7 +39,7 @@ _ALONG, _AROUND, _CAP = wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP
 _AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
 _STEP = wp.constant(real(1.0 / ALONG))
 LINES = 3 + CAP
-"""Lines of places at one turn about the links: one along each, and those of the cap, of no length."""
+"""Lines of places at one turn about the links: one along each, and the cap's, of no length."""
 _LINES = wp.constant(LINES)
 _lines_vec = wp.types.vector(length=AROUND * LINES, dtype=real)
 _around_vec = wp.types.vector(length=AROUND, dtype=real)
