@@ -406,6 +406,14 @@ def test_a_planner_of_the_template_can_be_swept(tmp_path: Path) -> None:
     assert read(tmp_path, "\n".join(lines)).setting_count == 2
 
 
+@pytest.mark.parametrize("name", ["none of these", "no answer"])
+def test_no_object_has_the_name_of_an_answer(tmp_path: Path, name: str) -> None:
+    text = SMALL.replace('"wedge"', f'{{ object = "wedge", name = "{name}" }}')
+    found = refusals(tmp_path, text)
+    assert len(found) == 1
+    assert f"objects[1]: is named '{name}', which tables" in found[0]
+
+
 def test_only_a_default_written_out_is_the_default() -> None:
     problems = Problems("", {})
     table = spec_fields(SECTIONS["arm"])
