@@ -22,8 +22,9 @@ from strategies.recognition.known_models import KnownModels, KnownObject
 from strategies.recognition.match_faces import log_density_of_any, log_density_of_faces
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
+from warpgrasp.objects.catalogue_names import NONE_OF_THESE
 
-NONE = "none of these"
+NONE = NONE_OF_THESE
 ALIGNMENT = "catalogue_alignment"
 AS_FELT = "as_felt"
 RARE = 0.1

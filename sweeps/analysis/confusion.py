@@ -11,9 +11,7 @@ from sweeps.analysis.paired import reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.text_table import TextTable, number_text
-
-NONE_OF_THESE = "none of these"
-NO_ANSWER = "no answer"  # asked, but the episode failed
+from warpgrasp.objects.catalogue_names import NO_ANSWER, NONE_OF_THESE
 
 
 @dataclass(frozen=True)

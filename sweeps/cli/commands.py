@@ -11,6 +11,7 @@ from typing import Any
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
+from sweeps.race.race_note import end_race_note, race_state, read_race_note
 from sweeps.run.grown_units import kept_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -43,6 +44,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     with terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):
             note(line)
+        end_race_note(store.logs)
         count, kept = plan.shard_size(shard), kept_units(plan, store, shard)
         if 0 < kept.whole + kept.part < count:
             begun = f", and the beginning of {kept.part} more" if kept.part else ""
@@ -105,25 +107,17 @@ def status(folder: Path, *, as_json: bool) -> int:
     """Print the progress of a study; nothing is written."""
     store = Store(folder)
     plan = plan_of(store)
-    done = failed = there = 0
-    for unit in plan.units():
-        there += store.path(unit).exists()
-        if all(file.exists() for file in store.files(unit)):
-            done += 1
-        elif store.log(unit).exists():
-            failed += 1
     holders = store.holders()
     notes = [read_note(store.note(shard)) for shard in holders]
     rates = [note["units_per_s"] for note in notes if note["units_per_s"]]
-    left = plan.unit_count - done - failed
+    counts, left, other = _race_counts(store, notes) or _sweep_counts(plan, store)
     found: dict[str, Any] = {
-        "study": store.resolved().get("name", ""), "hash": plan.hash, "units": plan.unit_count,
-        "done": done, "failed": failed,
+        "study": store.resolved().get("name", ""), "hash": plan.hash, **counts,
         "running": sum(note["running"] for note in notes), "left": left,
         "units_per_s": round(sum(rates), 4) if rates else None,
-        "seconds_left": round(left / sum(rates), 1) if rates else None,
+        "seconds_left": round(left / sum(rates), 1) if rates and left is not None else None,
         "held_by": list(holders.values()),
-        "other_files": _count_files(store) - there,
+        "other_files": other,
     }
     if as_json:
         print(json.dumps(found, indent=1))
@@ -132,6 +126,34 @@ def status(folder: Path, *, as_json: bool) -> int:
             text = ", ".join(value) if isinstance(value, list) else value
             print(f"{name.ljust(12)}  {'-' if text in (None, '') else on_one_line(str(text))}")
     return DONE
+
+
+Counts = tuple[dict[str, int | str | None], int | None, int | None]
+"""Units of a study, how many of them are left, and files that are not of it."""
+
+
+def _sweep_counts(plan: Plan, store: Store) -> Counts:
+    """How far a sweep is."""
+    done = failed = there = 0
+    for unit in plan.units():
+        there += store.path(unit).exists()
+        if all(file.exists() for file in store.files(unit)):
+            done += 1
+        elif store.log(unit).exists():
+            failed += 1
+    return ({"units": plan.unit_count, "done": done, "failed": failed},
+            plan.unit_count - done - failed, _count_files(store) - there)
+
+
+def _race_counts(store: Store, notes: Sequence[dict[str, Any]]) -> Counts | None:
+    """How far a race is, which knows the units of its rung alone; None of a sweep."""
+    found = read_race_note(store.logs)
+    if found is None:
+        return None
+    failed = sum(1 for _ in store.logs.glob("*.failed.log"))
+    left = sum(note["total"] - note["past"] for note in notes) if notes else None
+    return ({"race": race_state(found, bool(notes)), "units": None, "done": _count_files(store),
+             "failed": failed}, left, None)
 
 
 def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,

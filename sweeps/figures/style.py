@@ -6,6 +6,7 @@ Figures are one column of a journal wide (85 mm). Colours suit colour-blind read
 
 import io
 import re
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
@@ -43,10 +44,16 @@ _STYLE: dict[str, Any] = {
 
 @contextmanager
 def drawing() -> Iterator[None]:
-    """Matplotlib's settings for our figures; also a decorator of functions that draw."""
+    """Matplotlib's settings for our figures; also a decorator of functions that draw.
+
+    It warns of names whose letters its font has not, which are drawn as boxes, and of axes on which
+    all is at one place. Neither is an error of the user's.
+    """
     import matplotlib
 
-    with matplotlib.rc_context(_STYLE):  # type: ignore
+    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore
+        for told in (r"Glyph \d+ .* missing from", "Attempting to set identical low and high"):
+            warnings.filterwarnings("ignore", told, UserWarning)
         yield
 
 

@@ -53,12 +53,12 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
                 _write(folder, verdict_of(course.race, course.units))
                 say(f"so far: {claim(verdict_of(course.race, course.units))}")
             raise
+        if isinstance(course, SearchCourse) and course.proposed:
+            write_atomic(folder / "search.csv", search_table(course).csv())
         if not course.race.looks:
-            raise StoreError(f"--budget-episodes: is {episodes}; {course.least}", 2)
+            raise StoreError(course.why_nothing(episodes), 2)
         found = verdict_of(course.race, course.units)
         _write(folder, found)
-        if isinstance(course, SearchCourse):
-            write_atomic(folder / "search.csv", search_table(course).csv())
     _show(found, as_json, search_lines(course) if isinstance(course, SearchCourse) else {})
     if not found.reached:
         spent = "time" if course.late else "budget of episodes" if episodes else "objects"

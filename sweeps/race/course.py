@@ -36,11 +36,10 @@ class Course:
         """The units that were asked for so far, as a plan."""
         return self.units.plan
 
-    @property
-    def least(self) -> str:
-        """What its first rung takes at least."""
+    def why_nothing(self, episodes: int | None) -> str:
+        """Why no rung was run with this budget."""
         count = len(self.units.entries)
-        return (f"the first rung of {count:,} entries takes "
+        return (f"--budget-episodes: is {episodes}; the first rung of {count:,} entries takes "
                 f"{2 * count * self.units.episodes_each:,} episodes")
 
     def further(self) -> Sequence[Unit]:
@@ -108,9 +107,11 @@ def rules_of(within: float, confidence: float, start: int, cap: float | None, me
 
 
 def afforded(rules: Rules, units: RaceUnits, episodes: int | None) -> Rules:
-    """The rules with the budget in replicates, and as many of each as there can be."""
+    """The rules with the budget in replicates, and as many of each as there can be, or as these
+    rules have it."""
     budget = None if episodes is None else episodes // units.episodes_each
-    most = len(units.order) if units.over == "like-these" else None
+    limits = (rules.most, len(units.order) if units.over == "like-these" else None)
+    most = min((limit for limit in limits if limit is not None), default=None)
     return replace(rules, budget=budget, most=most,
                    start=min(rules.start, most) if most else rules.start)
 

@@ -15,6 +15,8 @@ from sweeps.spec.search import Factor, Search
 DIGITS = 6
 STARTUP = 10
 """Proposals at random, before the estimator has something to go by."""
+AGAIN = 20
+"""More trials of a round at most, where all of it would be one point: nothing would race."""
 Point = dict[str, Any]
 """A value for each factor that is proposed, in units of the spec."""
 
@@ -32,18 +34,32 @@ class Proposals:
         sampler = optuna.samplers.TPESampler(seed=seed % 2**32, n_startup_trials=STARTUP,
                                              constant_liar=True)
         self.study = optuna.create_study(sampler=sampler)
-        self.asked: list[Any] = []
+        self.asked: list[list[Any]] = []
+        """The trials of each point that was asked for last."""
+        self.tried = 0
+        """Trials so far."""
 
     def ask(self, count: int) -> list[Point]:
-        """So many new points."""
-        trials = [self.study.ask() for _ in range(count)]
-        self.asked += trials
-        return [self._point(trial) for trial in trials]
+        """The points of so many trials, each once; of more trials where they would be one point."""
+        found: dict[str, Point] = {}
+        trials: dict[str, list[Any]] = {}
+        for n in range(count + AGAIN):
+            if n >= count and len(found) > 1:
+                break
+            trial = self.study.ask()
+            point = self._point(trial)
+            found.setdefault(repr(point), point)
+            trials.setdefault(repr(point), []).append(trial)
+            self.tried += 1
+        self.asked = list(trials.values())
+        return list(found.values())
 
     def tell(self, values: Sequence[float]) -> None:
-        """The scores of the points that were asked for last, less being better."""
-        for trial, value in zip(self.asked[-len(values):], values, strict=True):
-            self.study.tell(trial, float(value))
+        """The scores of the points that were asked for last, less being better; a point's trials
+        are all told the same."""
+        for trials, value in zip(self.asked, values, strict=True):
+            for trial in trials:
+                self.study.tell(trial, float(value))
 
     def _point(self, trial: Any) -> Point:
         found: Point = {}

@@ -1,10 +1,12 @@
 """How a race stands after its last look, as a note beside its logs: what `warpgrasp watch` shows.
 
-Nothing depends on the note. A race that is resumed writes it again, look by look.
+No result depends on the note. A race that is resumed writes it again, look by look. A sweep that
+begins in the same directory removes it: what was worked on last is shown.
 """
 
 import json
 from collections import Counter
+from collections.abc import Mapping
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -53,6 +55,22 @@ def begin_race_note(logs: Path, metric: str, over: str) -> None:
     """Writes the note of a race that has not looked yet, unless it has one."""
     if read_race_note(logs) is None:
         _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": []})
+
+
+def end_race_note(logs: Path) -> None:
+    """Removes the note: from now on the directory is a sweep's."""
+    with suppress(OSError):
+        (logs / NAME).unlink(missing_ok=True)
+
+
+def race_state(found: Mapping[str, Any], running: bool) -> str:
+    """How far the race of a note is, in words; `running` if a run holds its directory."""
+    rungs = found["rungs"]
+    if not rungs:
+        return "rung 1 is being run" if running else "stopped in rung 1"
+    state = ("decided" if not rungs[-1]["open"] else f"rung {len(rungs) + 1} is being run"
+             if running else "stopped before it was decided")
+    return f"{found['stage']}: {state}" if found["stage"] else state
 
 
 def read_race_note(logs: Path) -> dict[str, Any] | None:

@@ -5,6 +5,7 @@ means are told to the sampler. The finalists are those of the lowest means. They
 their luck, too: so the last race gives them other seeds, and nothing of the rounds counts in it.
 """
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -73,6 +74,7 @@ class SearchCourse:
         self.search: Search = self.plan.study.search
         self.proposals = Proposals(self.search, self.plan.study.head.seed)
         self.round = 0
+        self.alike = False  # whether the last proposals are one entry, so that nothing can race
 
     @property
     def whole(self) -> Plan:
@@ -91,11 +93,12 @@ class SearchCourse:
         return (self.heat.units if self.heat else
                 RaceUnits(self.plan, self.store, self.metric, "these"))
 
-    @property
-    def least(self) -> str:
-        """What it takes at least."""
-        return ("half of it is for proposals, and the rest should suffice for a first rung of the "
-                "finalists")
+    def why_nothing(self, episodes: int | None) -> str:
+        """Why there was no last race with this budget."""
+        if self.alike and not self.proposed:
+            return "[search]: all proposals are the same entry; a race needs two that differ"
+        return (f"--budget-episodes: is {episodes}; half of it is for proposals, and the rest "
+                "should suffice for a first rung of the finalists")
 
     @property
     def late(self) -> bool:
@@ -116,16 +119,21 @@ class SearchCourse:
                 return []
 
     def _next_round(self) -> Heat | None:
-        """The race of the next proposals; None where there are no more, or the budget says so."""
-        count = min(self.search.round, self.search.trials - len(self.proposed))
-        each = self.search.episodes * len(self.plan.study.objects)
+        """The race of the next proposals; None where there are no more, or a budget says so."""
+        if self.proposed and time.monotonic() > self.until:
+            return None
+        count = min(self.search.round, self.search.trials - self.proposals.tried)
+        each = self.search.episodes * self.units.episodes_each
         taken = sum(found.episodes for found in self.proposed)
         if self.budget is not None:
             count = min(count, int(SHARE * self.budget - taken) // each)
         if count < 2:
             return None
-        self.round += 1
         points = self.proposals.ask(count)
+        self.alike = len(points) < 2
+        if self.alike:
+            return None
+        self.round += 1
         rules = replace(self.rules, most=self.search.episodes,
                         start=min(self.rules.start, self.search.episodes))
         heat = self._heat(points, rules, None, f"round {self.round} of proposals")

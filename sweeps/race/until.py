@@ -13,6 +13,7 @@ from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.output import note, write_atomic
 from sweeps.race.course import Course, check_entries, rules_of, run_course
 from sweeps.race.elimination import Race
+from sweeps.race.race_note import end_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import summary, verdict_of
 from sweeps.run.local_engine import Options, terminated_as_interrupted
@@ -92,6 +93,7 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
     check_entries(units, spec)
     with terminated_as_interrupted(), store.lock(options.shard):
         course.grow(rules.start)
+        end_race_note(store.logs)
         outcome = run_course(units.plan, store, options, course.further, engine, address)
         found = verdict_of(course.race, units)
         board = make_leaderboard(plan_of(store), [store])

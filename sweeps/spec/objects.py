@@ -9,7 +9,13 @@ from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.object_sets import expanded, member_table, pose_name
 from sweeps.spec.study import FILE_KEYS, Body
-from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT, member_of_family
+from warpgrasp.objects.catalogue_names import (
+    BODY_NAMES,
+    NAME_LIMIT,
+    NO_ANSWER,
+    NONE_OF_THESE,
+    member_of_family,
+)
 
 SHAPES = ("mesh", "compound", "superquadric", "profile", "object")
 
@@ -104,7 +110,11 @@ def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
 
 
 def _build(table: Mapping[str, Any], base_dir: Path) -> None:
-    """Build the object once. Raises ObjectError for any failure, also of a reader."""
+    """Build the object once. Raises ObjectError for any failure, also of a reader, and for a name
+    that tables have for what is no object."""
+    if table.get("name") in (NONE_OF_THESE, NO_ANSWER):
+        raise ObjectError(f"is named {table['name']!r}, which tables of what was recognized have "
+                          "for other things; give it another name")
     init_warp()
     from warpgrasp.geometry.body import BodyError
     from warpgrasp.objects.body_baking import check_walls

@@ -16,12 +16,14 @@ from pathlib import Path
 from typing import Any
 
 from strategies.strategy import Strategy
-from sweeps.spec.errors import KeyPath, Problems, StoreError, choose, short
+from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, StoreError, choose, short
 from sweeps.spec.study import Axis, Study
 
 COUNTS = {"trials": (60, 2, 100_000), "round": (20, 2, 10_000), "finalists": (10, 2, 1000),
           "episodes": (16, 2, 100_000)}
 """Keys beside the factors: default, least and most."""
+LARGEST = 2.0**53
+"""Of the numbers of a range: up to it all whole ones differ."""
 
 
 @dataclass(frozen=True)
@@ -41,6 +43,16 @@ class Factor:
     def whole(self) -> bool:
         """Whether its values are whole numbers."""
         return not self.choices and all(type(v) is int for v in (self.low, self.high, self.step))
+
+    @property
+    def steps(self) -> int:
+        """How many steps above `low` it goes; without steps, as far as one knows, 1."""
+        return 1 if self.step is None else int((self.high - self.low) / self.step + 1e-9)
+
+    @property
+    def is_fixed(self) -> bool:
+        """Whether it has one value only."""
+        return len(set(map(repr, self.choices))) == 1 if self.choices else self.steps == 0
 
     def is_open(self, values: Mapping[str, Any]) -> bool:
         """Whether it is proposed beside these values of earlier factors."""
@@ -88,6 +100,11 @@ def read_search(table: Any, strategies: Sequence[Strategy], axes: Iterable[Axis]
     if not factors and len(problems.found) == before:
         problems.add(path, 'names no factor; write one such as "strategy.tilt_deg" = '
                      "{ low = 30, high = 70 }")
+    if factors and all(factor.is_fixed for factor in factors):
+        problems.add(path, "is a space of one point; a race needs two entries or more")
+    if len(strategies) > 1 or not all(axis.sampled for axis in axes):
+        problems.add(path, "proposes entries of one strategy; should stand beside one [[strategy]] "
+                     "alone, and no [sweep.grid], [sweep.zip] or --set of such keys")
     if counts["finalists"] > counts["trials"]:
         problems.add((*path, "finalists"), f"is {counts['finalists']}; should be at most trials, "
                      f"{counts['trials']}")
@@ -135,15 +152,37 @@ def _factor(key: str, value: Any, earlier: Sequence[Factor], readers: Mapping[st
     else:
         low, high, step = given["low"], given["high"], given.get("step")
         numbers = (low, high) if step is None else (low, high, step)
-        if not all(type(v) in (int, float) for v in numbers) or not low < high or (
-                step is not None and step <= 0):
+        if not all(type(v) in (int, float) and abs(v) < LARGEST for v in numbers) or (
+                not low < high or (step is not None and step <= 0)):
             problems.add(path, f"is {short(given)}; should have numbers low < high, and step > 0")
             return None
+        whole = _is_whole(readers[key], low, high)
+        step = 1 if whole and step is None else step
         found = Factor(key, low, high, step, when=when)
-        tried = [low, high] if step is None else [low, low + step]
+        # The end of a whole number is one, too; others may end beyond their last step.
+        tried = [low, high if whole or step is None else _after(found, found.steps)]
+        tried += [] if step is None else [_after(found, min(1, found.steps))]
     for number in tried:
         readers[key](number, path, problems)
     return found if len(problems.found) == before else None
+
+
+def _is_whole(reader: Any, low: float, high: float) -> bool:
+    """Whether a key takes the whole number `low`, and no fraction above it."""
+    between = low + 0.5 * min(1, high - low)
+    return low == int(low) and not _refused(reader, int(low)) and _refused(reader, between)
+
+
+def _refused(reader: Any, value: Any) -> bool:
+    trial = Problems("", {})
+    reader(value, (), trial)
+    return bool(trial.found)
+
+
+def _after(factor: Factor, steps: int) -> float:
+    """A value of a factor with steps, without what is added by rounding."""
+    value = factor.low + steps * (factor.step or 0)
+    return value if type(value) is int else float(f"{value:.12g}")
 
 
 def _when(given: Any, earlier: Sequence[Factor], path: KeyPath, problems: Problems
@@ -163,12 +202,16 @@ def _when(given: Any, earlier: Sequence[Factor], path: KeyPath, problems: Proble
 def with_points(study: Study, search: Search, points: Sequence[Mapping[str, Any]],
                 seed: int | None = None) -> Study:
     """The study of these points of the space, a setting each; a factor that was not proposed has
-    the value of the strategy or the tables. `seed` replaces the study's."""
-    readers, quiet = _readers(study.strategies), Problems("", {})
+    the value of the strategy or the tables. `seed` replaces the study's. SpecError for values that
+    its keys do not take."""
+    readers, wrong = _readers(study.strategies), Problems("", {})
     keys = tuple(factor.key for factor in search.factors)
     values = tuple(tuple(point.get(key) for key in keys) for point in points)
-    si = tuple(tuple(None if value is None else readers[key](_plain(value), (), quiet)
-                     for key, value in zip(keys, row, strict=True)) for row in values)
+    si = tuple(tuple(
+        None if value is None else readers[key](_plain(value), tuple(key.split(".")), wrong)
+        for key, value in zip(keys, row, strict=True)) for row in values)
+    if wrong.found:
+        raise SpecError(Problem("[search]", found.key, found.what) for found in wrong.found)
     head = study.head if seed is None else replace(study.head, seed=seed)
     return replace(study, head=head, axes=(*study.axes, Axis(keys, values, si)), search=None)
 

@@ -26,6 +26,7 @@ objects = ["block", "large_cylinder", "small_cylinder", "wedge", "lightbulb", "f
 
 [[strategy]]                           # ready-made, by name (`warpgrasp strategies`)
 name = "DEFAULT"                      # for objects of any shape; slower than rings of grasps
+# options = { poses = 4 }              # of a planner: docs/strategies.md
 
 [[strategy]]
 name = "my-ring"
@@ -37,13 +38,13 @@ SWEEP = """\
 # [sweep.grid]                         # every combination; entries of the leaderboard
 # "sensors.tendon_threshold_N" = [3.0, 6.0, 12.0]
 # "strategy.tilt_deg" = [35, 55]       # every waypoint family that has it
-# "strategy.options.poses" = [8, 12]   # every planner that is given this option
+# "strategy.options.poses" = [4, 8]    # every planner whose [[strategy]] names this option
 # [sweep.zip]                          # lists of equal length that advance together
 # [sweep.sobol]                        # draws of a nuisance, averaged over; [sweep.lhs] likewise
 # n = 32
 # "object.yaw_deg" = { low = -180, high = 180 }
 # "hand.link_length_mm" = { low = [39, 30, 25], high = [47, 36, 31] }   # each for itself
-# [search]                             # entries that `warpgrasp race` proposes: docs/race.md
+# [search]                             # of one strategy, `warpgrasp race` proposes: docs/race.md
 # "strategy.count" = { low = 4, high = 8, step = 1 }
 """
 

@@ -6,7 +6,7 @@ choices come from the dataclass fields.
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields
-from functools import cache, partial
+from functools import cache
 from math import inf
 from types import UnionType
 from typing import Annotated, Any, Literal, get_args, get_origin, get_type_hints
@@ -60,9 +60,22 @@ def _model(table: type) -> type[BaseModel]:
     """The pydantic model of a spec's table: keys and units of the spec in, SI out."""
     parts: dict[str, Any] = {}
     for key, f in spec_fields(table).items():
-        of_key = Annotated[_annotation(f), AfterValidator(partial(each, f.to_si))]
+        of_key = Annotated[_annotation(f), AfterValidator(_to_si(f))]
         parts[_attribute(key)] = of_key, Field(default=None, alias=key)
     return create_model(table.__name__, __config__=ConfigDict(extra="forbid"), **parts)
+
+
+def _to_si(f: SpecField) -> Callable[[Any], Any]:
+    """A field's value in SI. What the template writes for the default is the default itself: in SI
+    it may differ in its last bits, since it is rounded."""
+    written = repr(each(float, f.spec_default)) if f.to_si is not same else ""  # tells 0 from -0
+
+    def converted(value: Any) -> Any:
+        if written and repr(each(float, value)) == written:
+            return f.default
+        return each(f.to_si, value)
+
+    return converted
 
 
 def _attribute(key: str) -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import HIGHER_IS_BETTER
-from sweeps.race.race_note import read_race_note
+from sweeps.race.race_note import race_state, read_race_note
 from sweeps.race.race_units import RaceUnits
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
@@ -38,20 +38,17 @@ class RaceView:
             return None
         if not found["rungs"]:
             return self._before_the_first_look(found)
-        if self.units is None or self.reader is None or self.reader.metric != found["metric"]:
+        if (self.units is None or self.reader is None or self.units.over != found["over"]
+                or self.reader.metric != found["metric"]):
             self.units = RaceUnits(self.plan, self.store, found["metric"], found["over"])
             self.reader = UnitReader(self.store.units, self.store.logs, found["metric"])
         pace, entries, rungs = pace_of(self.store), found["entries"], found["rungs"]
         first = entries[0]
         over = not rungs[-1]["open"]
         taken = sum(entry["episodes"] for entry in entries)
-        verdict = ("decided" if over else f"rung {len(rungs) + 1} is being run" if pace.running
-                   else "stopped before it was decided")
         counts = {name: sum(entry["verdict"] == name for entry in entries)
                   for name in ("open", "tied", "worse")}
-        if found["stage"]:
-            verdict = f"{found['stage']}: {verdict}"
-        facts = [("state", verdict), ("episodes", f"{taken:,}"),
+        facts = [("state", race_state(found, pace.running)), ("episodes", f"{taken:,}"),
                  ("still open", f"{counts['open']:,}"), ("tied", f"{counts['tied']:,}"),
                  ("worse, out", f"{counts['worse']:,}"), *_of_this_rung(pace),
                  *pace_facts(pace, pace.total - pace.past)]
@@ -71,8 +68,8 @@ class RaceView:
 
     def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
         pace = pace_of(self.store)
-        facts = [("state", "rung 1 is being run" if pace.running else "stopped in rung 1"),
-                 *_of_this_rung(pace), *pace_facts(pace, pace.total - pace.past)]
+        facts = [("state", race_state(found, pace.running)), *_of_this_rung(pace),
+                 *pace_facts(pace, pace.total - pace.past)]
         return State("race", self.plan.study.head.name or self.store.folder.name, pace.running,
                      "nothing is known before the first rung is over", tuple(facts), -1.0,
                      found["metric"], "", (), 0, (), (), (), failed_units(self.store.logs))

@@ -30,29 +30,38 @@ CURVES = 6
 
 @dataclass
 class Found:
-    """What one entry has on one object so far, a list item a unit."""
+    """What one entry has on one object so far, by unit; of a failed unit what stands for it."""
 
-    scores: list[np.ndarray] = field(default_factory=list)
-    given: list[np.ndarray] = field(default_factory=list)
-    episodes: list[np.ndarray] = field(default_factory=list)  # their numbers
-    touches: list[np.ndarray] = field(default_factory=list)
-    steps: list[Steps] = field(default_factory=list)
+    units: dict[str, tuple[Unit, UnitRows]] = field(default_factory=dict)
     statuses: Counter[str] = field(default_factory=Counter)
 
     def add(self, unit: Unit, rows: UnitRows) -> None:
         """Takes in a unit."""
-        self.scores.append(rows.scores)
-        self.given.append(rows.given)
-        self.episodes.append(np.arange(unit.start, unit.stop))
-        self.touches.append(rows.touches)
-        self.steps.extend(rows.steps)
+        self.drop(unit)
+        self.units[unit.id] = unit, rows
         self.statuses += rows.statuses
+
+    def drop(self, unit: Unit) -> None:
+        """Leaves out what stood for a unit."""
+        if unit.id in self.units:
+            self.statuses -= self.units.pop(unit.id)[1].statuses
+
+    @property
+    def rows(self) -> list[UnitRows]:
+        """Those of all units."""
+        return [rows for _, rows in self.units.values()]
+
+    @property
+    def steps(self) -> list[Steps]:
+        """Error after each fit, of all episodes that curves are drawn of."""
+        return [steps for rows in self.rows for steps in rows.steps]
 
     def by_episode(self, worst: float) -> "Scores":
         """Scores by episode, the mean over the cases in which it was run so far."""
-        numbers, own, counts = np.unique(np.concatenate(self.episodes), return_inverse=True,
+        episodes = [np.arange(unit.start, unit.stop) for unit, _ in self.units.values()]
+        numbers, own, counts = np.unique(np.concatenate(episodes), return_inverse=True,
                                          return_counts=True)
-        values = np.concatenate(self.scores)
+        values = np.concatenate([rows.scores for rows in self.rows])
         sums = np.bincount(own, np.where(np.isfinite(values), values, worst), len(numbers))
         return Scores(numbers, sums / counts)
 
@@ -83,6 +92,8 @@ class SweepView:
         self.found: list[dict[int, Found]] = [{} for _ in self.entries]  # by object
         self.waiting = {unit.id: (entry, body, unit)
                         for entry, body, unit in self._every_unit(axes)}
+        """Units without rows; those that failed among them, since a later run tries them again."""
+        self.aside: set[str] = set()  # of these, units that failed
 
     def _every_unit(self, axes: list[int]) -> Iterator[tuple[int, int, Unit]]:
         """All units with their entry and object."""
@@ -101,22 +112,38 @@ class SweepView:
         return self.plan.unit_count // max(1, len(self.entries))
 
     def take_in(self) -> None:
-        """Reads the units that have come since."""
+        """Reads the units that have come since, also in the place of failed ones."""
         there = self.store.unit_ids()
         failed = {file.name.removesuffix(".failed.log")
                   for file in self.store.logs.glob("*.failed.log")}
-        for name in sorted((there | failed) & self.waiting.keys()):
+        for name in sorted((there | failed | self.aside) & self.waiting.keys()):
             entry, body, unit = self.waiting[name]
             rows = self.reader.read(unit)
-            if rows is not None:
+            if rows is not None and rows.aside and name in self.aside:
+                continue
+            self.aside.discard(name)
+            if rows is None:  # damaged, or a run tries it again just now
+                self._leave_out(entry, body, unit)
+                continue
+            if rows.aside:
+                self.aside.add(name)
+            else:
                 del self.waiting[name]
-                self.found[entry].setdefault(body, Found()).add(unit, rows)
+            self.found[entry].setdefault(body, Found()).add(unit, rows)
+        for name in self.reader.damaged.keys() - there:
+            del self.reader.damaged[name]
+
+    def _leave_out(self, entry: int, body: int, unit: Unit) -> None:
+        found = self.found[entry].get(body, Found())
+        found.drop(unit)
+        if not found.units:
+            self.found[entry].pop(body, None)
 
     def state(self) -> State:
         """How the sweep stands."""
         self.take_in()
         pace = pace_of(self.store)
-        total, left = self.plan.unit_count, len(self.waiting)
+        total, left = self.plan.unit_count, len(self.waiting) - len(self.aside)
         done = total - left
         rows = self._rows()
         statuses: Counter[str] = sum((found.statuses for of_objects in self.found
@@ -171,8 +198,8 @@ class SweepView:
             one_sided = 2.0 * alpha_of(self.looks, pairs)
             verdict = "worse" if found.value > found.half_width(one_sided) else ""
             behind = found.value
-        touches = np.concatenate([part for found in self.found[n].values()
-                                  for part in found.touches])
+        touches = np.concatenate([rows.touches for found in self.found[n].values()
+                                  for rows in found.rows])
         known = np.isfinite(touches)
         return Row(self.entries[n].label, _rounded(mean.value),
                    _rounded(max(mean.value - half, lowest)),
@@ -186,7 +213,8 @@ class SweepView:
         score = failure_score(self.metric)
         for of_objects in self.found:
             for body, part in of_objects.items():
-                values = np.concatenate([*part.scores, *part.given])
+                values = np.concatenate([values for rows in part.rows
+                                         for values in (rows.scores, rows.given)])
                 known = values[np.isfinite(values)]
                 if len(known):
                     found[body] = (max(found.get(body, -np.inf), float(known.max()))
@@ -196,8 +224,9 @@ class SweepView:
     def _curves(self, rows: list[Row]) -> Iterator[tuple[str, list[tuple[float, float]]]]:
         numbers = {entry.label: n for n, entry in enumerate(self.entries)}
         shown = rows[:CURVES]
-        steps = [{self.plan.study.objects[body].name: found.steps
-                  for body, found in self.found[numbers[row.label]].items() if found.steps}
+        steps = [{self.plan.study.objects[body].name: given
+                  for body, found in self.found[numbers[row.label]].items()
+                  if (given := found.steps)}
                  for row in shown]
         for row, curve in zip(shown, mean_errors(steps), strict=True):
             if curve:

@@ -1,4 +1,6 @@
-"""What is shown of a unit's rows, read once each; nothing is written, a damaged file is skipped."""
+"""What is shown of a unit's rows, read once each; nothing is written, a damaged file is skipped.
+
+A unit that failed or was damaged may be run again, so it is looked at again."""
 
 from collections import Counter
 from dataclasses import dataclass
@@ -27,6 +29,8 @@ class UnitRows:
     statuses: Counter[str]
     steps: tuple[Steps, ...]
     """Error after each fit of the episodes that curves are drawn of; empty of later ones."""
+    aside: bool = False
+    """Whether the unit was set aside as failed: these stand for rows that it may still get."""
 
 
 class UnitReader:
@@ -35,31 +39,37 @@ class UnitReader:
     def __init__(self, units: Path, logs: Path, metric: str) -> None:
         self.units, self.logs, self.metric = units, logs, metric
         self.known: dict[str, UnitRows] = {}
-        self.damaged: set[str] = set()
+        self.damaged: dict[str, tuple[int, int]] = {}  # with the time and size of their files
 
     def read(self, unit: Unit) -> UnitRows | None:
         """A unit's rows; of one set aside as failed, episodes that all failed; None if it is not
         there or damaged."""
-        if unit.id not in self.known and unit.id not in self.damaged:
+        if unit.id not in self.known:
             found = self._read(unit)
-            if found is None:
-                return None
+            if found is None or found.aside:
+                return found
             self.known[unit.id] = found
-        return self.known.get(unit.id)
+        return self.known[unit.id]
 
     def _read(self, unit: Unit) -> UnitRows | None:
-        count = unit.stop - unit.start
+        count, file, stamp = unit.stop - unit.start, self.units / f"{unit.id}.parquet", (0, 0)
         try:
-            rows = read_unit(self.units / f"{unit.id}.parquet", unit.id, count)
+            found = file.stat()
+            stamp = found.st_mtime_ns, found.st_size
+            if self.damaged.get(unit.id) == stamp:
+                return None
+            rows = read_unit(file, unit.id, count)
+            self.damaged.pop(unit.id, None)
         except DamagedUnit:
-            self.damaged.add(unit.id)
+            self.damaged[unit.id] = stamp
             return None
         except OSError:
+            self.damaged.pop(unit.id, None)
             if not (self.logs / f"{unit.id}.failed.log").exists():
                 return None
             nothing = np.full(count, np.nan)
             return UnitRows(np.zeros(count) if self.metric in HIGHER_IS_BETTER else nothing,
-                            nothing, nothing, Counter(unit_failed=count), ())
+                            nothing, nothing, Counter(unit_failed=count), (), True)
         return self._shown(unit, rows)
 
     def _shown(self, unit: Unit, rows: Columns) -> UnitRows:

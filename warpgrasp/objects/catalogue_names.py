@@ -4,6 +4,8 @@ import re
 
 NAME_LIMIT = 80
 """Characters of an object's name, at most."""
+NONE_OF_THESE, NO_ANSWER = "none of these", "no answer"
+"""What is said where an object was recognized as none, or nothing was felt: no object's name."""
 BODY_NAMES: dict[str, str] = {
     "block": "block 60 x 80 x 120 mm [est]",
     "large_cylinder": "cylinder of diameter 70, height 120 mm [est]",

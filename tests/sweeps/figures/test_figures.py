@@ -260,6 +260,18 @@ def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
     looks_right(first)
 
 
+def test_letters_without_a_picture_and_empty_axes_are_no_warning(
+        recwarn: pytest.WarningsRecorder) -> None:
+    with drawing():
+        drawn = figure(2.0)
+        axes = drawn.add_subplot()
+        axes.set_title("\u732b")
+        axes.set_xlim(3.0, 3.0)
+    for file_format in ("svg", "png"):
+        assert encode(drawn, file_format)
+    assert not recwarn.list
+
+
 def test_short_labels_still_tell_entries_apart() -> None:
     long = [f"coarse-to-fine [sensors.tendon_threshold_N={n}, fit.loss=none]" for n in (3, 6)]
     names, keys = distinct_labels(long, 26)

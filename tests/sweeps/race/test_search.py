@@ -37,6 +37,7 @@ episodes = 8
 "strategy.tilt_deg" = { low = 40, high = 70.0, when = { "strategy.count" = [5, 6] } }
 """
 """Of the stand-in, the lower the threshold the better; nothing else matters."""
+ONE = SPEC.split('"sensors')[0]
 FAKE = "fake_episodes:run_episodes"
 
 
@@ -57,8 +58,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     return folder / "whole", printed.getvalue()
 
 
-def search(spec: Path, out: Path, *words: str) -> int:
-    return cli.run(["race", str(spec), "-o", str(out), "--within", "0.5", *words])
+def search(spec: Path, out: Path, *words: str, within: str = "0.5") -> int:
+    return cli.run(["race", str(spec), "-o", str(out), "--within", within, *words])
 
 
 def rows(file: Path) -> list[dict[str, str]]:
@@ -128,6 +129,48 @@ def test_a_budget_keeps_half_for_the_last_race(tmp_path: Path,
     assert "half of it is for proposals" in capsys.readouterr().err
 
 
+def test_a_proposal_takes_as_many_episodes_as_the_search_says(tmp_path: Path) -> None:
+    """Also where the race of a round could go on: of ends so near, none is known to be best."""
+    out, text = tmp_path / "out", SPEC.replace("high = 30.0", "high = 1.5")
+    assert search(write_spec(tmp_path, text), out, "--start", "4", "--budget-episodes", "300",
+                  within="0.01") == 0
+    found = rows(out / "search.csv")
+    assert max(int(row["n_episodes"]) for row in found) == 8 * 2
+    assert sum(int(row["n_episodes"]) for row in found) <= 150
+
+
+def test_whole_numbers_are_proposed_without_a_step_too(tmp_path: Path) -> None:
+    text = SPEC.replace("high = 6, step = 1", "high = 6")
+    study = read_spec(write_spec(tmp_path, text))
+    assert study.search == read_spec(write_spec(tmp_path, SPEC)).search
+    with pytest.raises(SpecError, match=r"\[search\]: strategy.count: is 4.5"):
+        with_points(study, study.search, [{"strategy.count": 4.5}])
+
+
+def test_the_same_proposals_of_a_round_are_one_entry(tmp_path: Path) -> None:
+    study = read_spec(write_spec(tmp_path, ONE + '"strategy.count" = [5, 6]'))
+    proposals = Proposals(study.search, 3)
+    points = proposals.ask(12)
+    assert sorted(point["strategy.count"] for point in points) == [5, 6]
+    proposals.tell([float(point["strategy.count"]) for point in points])
+    told = [(trial.params["strategy.count"], trial.value) for trial in proposals.study.trials]
+    assert sorted(set(told)) == [(0, 5.0), (1, 6.0)]
+    assert len(told) == proposals.tried == 12
+
+
+def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    text = (ONE + '"strategy.count" = [5]\n'
+            '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [4] } }')
+    assert search(write_spec(tmp_path, text), tmp_path / "out") == 2
+    assert "[search]: all proposals are the same entry" in capsys.readouterr().err
+
+
+def test_no_round_begins_after_the_time(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert search(write_spec(tmp_path, SPEC), out, "--budget-minutes", "0.0001") == 0
+    assert {row["round"] for row in rows(out / "search.csv")} == {"1"}
+
+
 def test_the_sampler_learns_where_it_is_good(tmp_path: Path) -> None:
     study = read_spec(write_spec(tmp_path, SPEC))
     proposals, scores = Proposals(study.search, 3), []
@@ -176,6 +219,10 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ('"strategy.aim" = { low = 0.2, high = 0.5, when = { "strategy.x" = [1] } }',
      "'strategy.x' is no factor above this one"),
     ('"strategy.aim" = { low = 0.2, high = 0.5, when = 3 }', "should name values of factors above"),
+    ('"strategy.aim" = { low = 0.2, high = inf, step = 0.1 }', "should have numbers low < high"),
+    ('"strategy.touches" = { low = 3, high = 6.0, step = 1 }', "is 6.0; should be a whole"),
+    ('[sweep.grid]\n"contact.friction" = [0.2, 0.5]', "search: proposes entries of one strategy"),
+    ('[[strategy]]\nname = "ring6"', "search: proposes entries of one strategy"),
     ("finalists = 1", "finalists: is 1; should be a whole number from 2"),
     ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
 ])
@@ -186,6 +233,13 @@ def test_refusals(tmp_path: Path, line: str, message: str) -> None:
     with pytest.raises(SpecError) as caught:
         read_spec(write_spec(tmp_path, text))
     assert message in str(caught.value)
+
+
+@pytest.mark.parametrize("line", ['"strategy.count" = [5]', '"strategy.count" = [5, 5]',
+                                  '"strategy.count" = { low = 5, high = 6, step = 2 }'])
+def test_a_space_of_one_point_is_refused(tmp_path: Path, line: str) -> None:
+    with pytest.raises(SpecError, match="search: is a space of one point"):
+        read_spec(write_spec(tmp_path, ONE + line))
 
 
 def test_a_sweep_of_a_search_is_refused(tmp_path: Path,

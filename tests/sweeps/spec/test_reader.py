@@ -1,5 +1,5 @@
 from dataclasses import fields, replace
-from math import degrees, isclose, radians
+from math import copysign, degrees, isclose, radians
 from pathlib import Path
 from typing import Any
 
@@ -395,7 +395,36 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
         for f in fields(table):
             value: Any = getattr(study.tables[name], f.name)
             if isinstance(f.default, float | tuple):
-                assert np.allclose(value, f.default, rtol=1e-9), f.name
+                assert value == f.default, f.name  # to the bit, so that it is the same study
+
+
+def test_a_planner_of_the_template_can_be_swept(tmp_path: Path) -> None:
+    lines = spec_template().splitlines()
+    for start in ("# options = ", "# [sweep.grid]", '# "strategy.options.'):
+        assert sum(line.startswith(start) for line in lines) == 1
+        lines = [line.removeprefix("# ") if line.startswith(start) else line for line in lines]
+    assert read(tmp_path, "\n".join(lines)).setting_count == 2
+
+
+@pytest.mark.parametrize("name", ["none of these", "no answer"])
+def test_no_object_has_the_name_of_an_answer(tmp_path: Path, name: str) -> None:
+    text = SMALL.replace('"wedge"', f'{{ object = "wedge", name = "{name}" }}')
+    found = refusals(tmp_path, text)
+    assert len(found) == 1
+    assert f"objects[1]: is named '{name}', which tables" in found[0]
+
+
+def test_only_a_default_written_out_is_the_default() -> None:
+    problems = Problems("", {})
+    table = spec_fields(SECTIONS["arm"])
+    written = [671.83, 0, 150.05, 431.8, 0, 0]
+    assert table["d_mm"].read(written, (), problems) == table["d_mm"].default
+    other = table["d_mm"].read([*written[:5], -0.0], (), problems)
+    assert other[2] == 150.05 / 1000 != table["d_mm"].default[2]  # as it was before
+    assert copysign(1.0, other[5]) == -1.0
+    assert table["encoder_step_deg"].read(0.005729577952, (), problems) == radians(
+        0.005729577952)
+    assert not problems.found
 
 
 def test_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:

@@ -133,6 +133,30 @@ def test_nothing_is_written_and_what_is_damaged_is_left(tmp_path: Path) -> None:
     assert dict(state.failures)["unit_failed"] == 64
 
 
+def test_what_failed_or_was_damaged_is_taken_in_when_it_was_run_again(tmp_path: Path) -> None:
+    plan, out = plan_of(tmp_path / "spec", SPEC), tmp_path / "out"
+    store = fill(out, plan)
+    expected = View(out, "chamfer_mm").state()
+    first, second = list(plan.units())[:2]
+    good = {unit.id: store.path(unit).read_bytes() for unit in (first, second)}
+    store.path(first).unlink()
+    store.log(first).write_text("strategy ant\n\nValueError: no such luck\n")
+    store.path(second).write_bytes(good[second.id][:200])
+    view = View(out, "chamfer_mm")
+    assert dict(view.state().failures)["unit_failed"] == 64
+    store.log(first).unlink()
+    view._due = 0.0
+    state = view.state()  # a run tries it again just now
+    assert "unit_failed" not in dict(state.failures)
+    assert dict(state.facts)["units"] == f"{plan.unit_count - 2} of {plan.unit_count}"
+    for unit in (first, second):
+        store.path(unit).write_bytes(good[unit.id])
+    view._due = 0.0
+    state = view.state()
+    assert state.notes == ()
+    assert state == expected
+
+
 def test_looks_take_less_than_a_hundredth_of_the_time(tmp_path: Path,
                                                       monkeypatch: pytest.MonkeyPatch) -> None:
     fill(tmp_path / "out", plan_of(tmp_path / "spec", SPEC))
@@ -195,6 +219,38 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert note is not None
     assert sum(note["statuses"].values()) == sum(row.episodes for row in state.rows)
     assert json.loads(View(out, "iou").json())["kind"] == "race"
+
+
+def test_what_was_worked_on_last_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                          capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    text = SPEC.replace("= 130", "= 4")
+    spec, out = write_spec(tmp_path, text), tmp_path / "out"
+
+    def status() -> dict[str, object]:
+        capsys.readouterr()
+        assert cli.run(["status", str(out), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    race = ["race", str(spec), "-o", str(out), "--within", "0.3"]
+    assert cli.run(race) == 0
+    view, files = View(out, "chamfer_mm"), len(list((out / "units").iterdir()))
+    assert view.state().kind == "race"
+    found = status()
+    assert found["race"] == "decided"
+    assert (found["units"], found["done"], found["left"]) == (None, files, None)
+    assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
+    view._due = 0.0
+    assert (view.state().kind, view.state().done) == ("sweep", 1.0)
+    found = status()
+    assert "race" not in found
+    assert (found["units"], found["done"], found["other_files"]) == (12, 12, files)
+    assert cli.run(race) == 0
+    view._due = 0.0
+    assert view.state().kind == "race"
+    assert cli.run(["sweep", str(spec), "-o", str(out), "--until", "50"]) == 0
+    view._due = 0.0
+    assert view.state().kind == "sweep"
 
 
 def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
