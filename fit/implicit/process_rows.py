@@ -18,6 +18,14 @@ OFF_STRIDE = 3
 """Of so many touches whose normals are not known one has a point off the surface."""
 _STEP = 1e-4
 """Of the differences that give a mean's slope, in unit frames."""
+_SIDES = 0.7
+"""Touches whose normals have a smaller cosine are of different sides of a body [est]."""
+_ASIDE = 2.0
+"""Times the spacing of touches: so far aside a touch tells nothing of the body there [est]."""
+_DEEPEST = 3.0
+"""Offsets: a touch so far behind another tells that the body is thin there [est]."""
+_THICK = 0.85
+"""Offsets that a point inside lies from other sides at least, in the mean [est]."""
 _FLOOR = 1e-10
 """Least variance of a row, in unit frames."""
 
@@ -97,21 +105,27 @@ def with_normals(rows: Rows, sets: Sets, mean: Mean, normals: Float[np.ndarray, 
 
     They make the process a distance: touches alone, where it is zero, leave its slope open, and a
     flat process would be the likeliest (Carr and others 2001). All known normals count, and of the
-    others so many that a third of the touches have one.
+    others so many that a third of the touches have one. Every other point lies inside the body,
+    where it is thick enough: an error of a touch moves its point too, which makes the process less
+    steep, and with all points outside the surface would lie too far inside.
     """
     n, slots = sets.mask.shape
     known = np.zeros((n, slots), bool)
     if sets.normals is not None:
         known = sets.mask & np.isfinite(sets.normals).all(axis=2)
         normals = np.where(known[..., None], sets.normals, normals)
+    sound = sets.mask & np.isfinite(normals).all(axis=2)
     spread = sets.mask & (np.arange(slots) % OFF_STRIDE == OFF_STRIDE // 2)
     used = known | (spread & ~known.any(axis=1, keepdims=True))
-    used &= np.isfinite(normals).all(axis=2)
-    offset = np.full(n, options.normal_offset)
-    off = sets.points + np.where(used[..., None], normals, 0.0) * offset[:, None, None]
-    target = np.where(used, offset[:, None] - _mean(sets, mean, off)[0], 0.0)
+    used &= sound
+    normals = np.where(sound[..., None], normals, 0.0)
+    inside = used & _is_thick(sets, normals, sound, options.normal_offset)
+    inside &= np.cumsum(inside, axis=1) % 2 == 1
+    offset = np.where(inside, -options.normal_offset, options.normal_offset)
+    off = sets.points + normals * offset[..., None]
+    target = np.where(used, offset - _mean(sets, mean, off)[0], 0.0)
     used &= np.isfinite(target)
-    variance = rows.variance + (options.normal_slope * offset[:, None]) ** 2
+    variance = rows.variance + (options.normal_slope * options.normal_offset) ** 2
     points = np.concatenate([rows.points, off], axis=1)
     target = np.concatenate([rows.target, target], axis=1)
     variance = np.concatenate([rows.variance, variance], axis=1)
@@ -124,6 +138,34 @@ def with_normals(rows: Rows, sets: Sets, mean: Mean, normals: Float[np.ndarray, 
         target=np.where(used, target[row, order], 0.0),
         variance=np.where(used, variance[row, order], 1.0), noisy=used, touch=order % slots,
         n_rows=used.sum(axis=1))
+
+
+def _is_thick(
+    sets: Sets, normals: np.ndarray, known: np.ndarray, offset: float
+) -> Bool[np.ndarray, "fit point"]:
+    """Whether the body is so thick at a touch that a point that far inside is as near to no other
+    side: no touch is close behind (whatever the normals there, which thin walls blur), and the
+    planes of touches of other sides are as far off. `known` says which touches have a normal.
+    """
+    found = np.zeros(sets.mask.shape, bool)
+    for one in range(len(found)):
+        own = np.flatnonzero(known[one])
+        if len(own) < 2:
+            continue
+        points, ways = sets.points[one, own], normals[one, own]
+        apart = points[:, None] - points
+        far = np.linalg.norm(apart, axis=2)
+        spacing = np.median((far + np.where(far > 0.0, 0.0, np.inf)).min(1))
+        behind = (apart * ways[:, None]).sum(2)
+        aside = np.sqrt(np.maximum(far**2 - behind**2, 0.0))
+        close = (behind > 0.5 * offset) & (behind < _DEEPEST * offset) & (aside < _ASIDE * spacing)
+        inside = points - offset * ways
+        reach = np.linalg.norm(inside[:, None] - points, axis=2) < offset + _ASIDE * spacing
+        others = reach & (ways @ ways.T < _SIDES)
+        deep = ((points - inside[:, None]) * ways).sum(2)
+        mean = (others * deep).sum(1) / np.maximum(others.sum(1), 1)
+        found[one, own] = ~close.any(1) & (~others.any(1) | (mean > _THICK * offset))
+    return found
 
 
 def _mean(sets: Sets, mean: Mean, *points: np.ndarray) -> np.ndarray:

@@ -1,0 +1,43 @@
+"""Volumes of free forms, against closed forms."""
+
+import numpy as np
+import pytest
+
+from fit.implicit import fit_implicit, implicit_meshes, implicit_volume
+
+
+def test_many_touches_do_not_make_a_body_smaller() -> None:
+    """An error of a touch moves its point off the surface, too."""
+    draw = np.random.default_rng(3)
+    way = draw.normal(size=(3, 300, 3))
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    half = np.array([0.03, 0.04, 0.05])
+    fits = fit_implicit(way * half + 0.001 * draw.normal(size=way.shape))
+    known = implicit_volume(fits, implicit_meshes(fits))
+    true = 4.0 / 3.0 * np.pi * half.prod()
+    assert np.mean(known.volume_m3) == pytest.approx(true, rel=0.008)
+    low, high = known.interval_m3().T
+    assert np.mean((low < true) & (true < high)) >= 0.5
+
+
+def test_a_plate_thinner_than_points_lie_deep_keeps_its_volume() -> None:
+    """Inside of thin walls there are no points: they would lie beyond the other side."""
+    draw = np.random.default_rng(4)
+    half = np.array([0.04, 0.05, 0.003])
+    points = draw.uniform(-half, half, (2, 240, 3))
+    points[..., 2] = np.where(draw.random((2, 240)) < 0.5, -1.0, 1.0) * half[2]
+    normals = np.zeros(points.shape)
+    normals[..., 2] = np.sign(points[..., 2])
+    rim = np.arange(240) % 8 == 0  # on the four narrow sides
+    side = draw.integers(0, 2, (2, 240))
+    for axis in (0, 1):
+        on = rim & (side == axis)
+        way = np.where(draw.random((2, 240)) < 0.5, -1.0, 1.0)
+        points[..., axis] = np.where(on, way * half[axis], points[..., axis])
+        points[..., 2] = np.where(on, draw.uniform(-half[2], half[2], (2, 240)), points[..., 2])
+        normals[on] = 0.0
+        normals[..., axis] = np.where(on, way, normals[..., axis])
+    points += 0.0003 * draw.normal(size=points.shape)
+    fits = fit_implicit(points, normals=normals)
+    known = implicit_volume(fits, implicit_meshes(fits))
+    assert known.volume_m3.mean() == pytest.approx(8.0 * half.prod(), rel=0.12)
