@@ -104,16 +104,6 @@ class Estimate:
     high: np.ndarray
 
 
-def estimate(means: np.ndarray, bounds: tuple[float, float] = (-np.inf, np.inf)) -> Estimate:
-    """The data's values with percentile intervals over the replicates, within `bounds`."""
-    drawn = means[1:][np.isfinite(means[1:]).all(axis=1)]
-    if not len(drawn):
-        nothing = np.full(means.shape[1], np.nan)
-        return Estimate(means[0], nothing, nothing)
-    low, high = np.clip(np.quantile(drawn, INTERVAL, axis=0), *bounds)
-    return Estimate(means[0], low, high)
-
-
 def probability_best(means: np.ndarray, sign: float) -> np.ndarray:
     """The share of replicates that each entry wins (ties shared); `sign` -1 if more is better."""
     drawn = sign * means[1:][np.isfinite(means[1:]).all(axis=1)]

@@ -3,8 +3,9 @@ import pytest
 from scipy.stats import norm, t
 
 from sweeps.analysis.bootstrap import (
+    INTERVAL,
+    Estimate,
     episode_weights,
-    estimate,
     object_weights,
     population,
     probability_best,
@@ -15,6 +16,16 @@ from sweeps.analysis.bootstrap import (
 def means_of(data: np.ndarray, over: str | None = None, seed: int = 3) -> np.ndarray:
     """Replicate means of data [object, episode, entry]."""
     return replicate_means(list(data), seed, over)
+
+
+def estimate(means: np.ndarray) -> Estimate:
+    """The data's values with percentile intervals over the replicates."""
+    drawn = means[1:][np.isfinite(means[1:]).all(axis=1)]
+    if not len(drawn):
+        nothing = np.full(means.shape[1], np.nan)
+        return Estimate(means[0], nothing, nothing)
+    low, high = np.quantile(drawn, INTERVAL, axis=0)
+    return Estimate(means[0], low, high)
 
 
 @pytest.mark.parametrize("over", ["these", "like-these"])
