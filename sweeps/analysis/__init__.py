@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "arrow": ["read_rows", "write_rows"],
-    "bootstrap": ["Estimate", "OVER", "estimate", "population", "replicate_means"],
+    "bootstrap": ["Estimate", "OVER", "population", "replicate_means"],
     "confusion": ["Confusion", "confusion_table", "read_confusion"],
     "curves": ["AXES", "Curves", "KNOWN", "Steps", "episode_steps", "grid_of", "mean_curve",
         "on_grid", "reach_table", "read_curves"],
