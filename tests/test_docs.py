@@ -184,6 +184,13 @@ def test_a_batch_of_probes_in_ten_lines() -> None:
     assert found["fits"].size_m.shape == (8, 3)  # type: ignore[attr-defined]
 
 
+def test_the_notebook_runs() -> None:
+    """With as many outputs as are kept."""
+    pytest.importorskip("nbclient")
+    notebook = runpy.run_path(str(ROOT / "docs" / "notebook.py"))
+    assert len(notebook["texts"](notebook["run"]())) == len(notebook["texts"](notebook["read"]()))
+
+
 @pytest.mark.slow
 def test_the_notebook_says_what_it_is_kept_with() -> None:
     """Outputs are kept; text is what running it gives (`make notebook`), but for last digits, which
