@@ -33,19 +33,19 @@ KEY = np.arange(4000, dtype=np.uint64)
 
 def test_variances_of_places_are_the_sum_of_what_each_error_moves() -> None:
     """By hand: half a metre from three of the arm's joints, 0.15 m from the mount."""
-    hand, arm = HandTable(), replace(ArmTable(), repeatability_m=1e-3)
-    assert place_variance(ErrorTable.none(), arm, hand) == pytest.approx(1e-6)
+    longest, arm = max(HandTable().link_length_m), replace(ArmTable(), repeatability_m=1e-3)
+    assert place_variance(ErrorTable.none(), arm, longest) == pytest.approx(1e-6)
     moved_m2 = {
         "arm_joint_offset_rad": 3 * (0.5 * 0.01) ** 2, "arm_link_m": 5 * 0.01**2 / 3,
         "mount_m": 0.01**2, "mount_rad": (0.15 * 0.01) ** 2, "finger_base_m": 0.01**2,
-        "link_length_share": (0.01 * max(hand.link_length_m)) ** 2}
+        "link_length_share": (0.01 * longest) ** 2}
     for name, moved in moved_m2.items():
         one = replace(ErrorTable.none(), **{name: 0.01})
-        assert place_variance(one, arm, hand) == pytest.approx(1e-6 + moved), name
+        assert place_variance(one, arm, longest) == pytest.approx(1e-6 + moved), name
     every = replace(ErrorTable.none(), **dict.fromkeys(moved_m2, 0.01))
-    assert place_variance(every, arm, hand) == pytest.approx(1e-6 + sum(moved_m2.values()))
+    assert place_variance(every, arm, longest) == pytest.approx(1e-6 + sum(moved_m2.values()))
     floats = replace(arm, kind=FLOATING)  # it has no joints
-    assert place_variance(every, floats, hand) == pytest.approx(
+    assert place_variance(every, floats, longest) == pytest.approx(
         1e-6 + sum(list(moved_m2.values())[2:]))
 
 
