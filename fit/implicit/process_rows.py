@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.spatial import KDTree
 
 from fit.fit_status import FitStatus
 from fit.implicit.process import ProcessData
@@ -26,6 +27,8 @@ _DEEPEST = 3.0
 """Offsets: a touch so far behind another tells that the body is thin there [est]."""
 _THICK = 0.85
 """Offsets that a point inside lies from other sides at least, in the mean [est]."""
+_AT_ONCE = 256
+"""Touches that are compared with all others at once, for memory."""
 _FLOOR = 1e-10
 """Least variance of a row, in unit frames."""
 
@@ -153,19 +156,28 @@ def _is_thick(
         if len(own) < 2:
             continue
         points, ways = sets.points[one, own], normals[one, own]
-        apart = points[:, None] - points
-        far = np.linalg.norm(apart, axis=2)
-        spacing = np.median((far + np.where(far > 0.0, 0.0, np.inf)).min(1))
-        behind = (apart * ways[:, None]).sum(2)
-        aside = np.sqrt(np.maximum(far**2 - behind**2, 0.0))
-        close = (behind > 0.5 * offset) & (behind < _DEEPEST * offset) & (aside < _ASIDE * spacing)
-        inside = points - offset * ways
-        reach = np.linalg.norm(inside[:, None] - points, axis=2) < offset + _ASIDE * spacing
-        others = reach & (ways @ ways.T < _SIDES)
-        deep = ((points - inside[:, None]) * ways).sum(2)
-        mean = (others * deep).sum(1) / np.maximum(others.sum(1), 1)
-        found[one, own] = ~close.any(1) & (~others.any(1) | (mean > _THICK * offset))
+        spacing = np.median(KDTree(points).query(points, 2)[0][:, 1])
+        for some in np.array_split(np.arange(len(own)), -(-len(own) // _AT_ONCE)):
+            found[one, own[some]] = _thick_at(points[some], ways[some], points, ways, offset,
+                                              _ASIDE * spacing)
     return found
+
+
+def _thick_at(
+    touches: np.ndarray, outward: np.ndarray, points: np.ndarray, ways: np.ndarray, offset: float,
+    near: float
+) -> np.ndarray:
+    """`_is_thick` of some `touches` among all `points` of a set, (touch,)."""
+    apart = touches[:, None] - points
+    behind = (apart * outward[:, None]).sum(2)
+    aside = np.sqrt(np.maximum((apart**2).sum(2) - behind**2, 0.0))
+    close = (behind > 0.5 * offset) & (behind < _DEEPEST * offset) & (aside < near)
+    inside = touches - offset * outward
+    reach = np.linalg.norm(inside[:, None] - points, axis=2) < offset + near
+    others = reach & (outward @ ways.T < _SIDES)
+    deep = ((points - inside[:, None]) * ways).sum(2)
+    mean = (others * deep).sum(1) / np.maximum(others.sum(1), 1)
+    return ~close.any(1) & (~others.any(1) | (mean > _THICK * offset))
 
 
 def _mean(sets: Sets, mean: Mean, *points: np.ndarray) -> np.ndarray:

@@ -81,7 +81,7 @@ def learn_models(
     first, second = ([lesson.part(np.arange(len(lesson.names)) // 2 % 2 == k)
                       for lesson in lessons] for k in (0, 1))
     plain: dict[str, float] = dict.fromkeys(WAYS, 1.0)
-    trial = _models(first, contents, plain, made_by)
+    trial = _models(first, taught(first, contents), plain, made_by)
     return _models(lessons, contents, {way: _temperature(trial, second, way) for way in WAYS},
                    made_by)
 
@@ -199,9 +199,10 @@ def _temperature(models: KnownModels, lessons: Sequence[Lesson], way: str) -> fl
     """The temperature under which the lessons' names are likeliest."""
     log, truth = [], []
     for lesson in lessons:
-        found = lesson.found[way]
-        log.append(log_densities(found, models, way))
         listed = [*models.names, UNLISTED]
+        # Not objects that no body was recovered of in the episodes that made the models.
+        found = lesson.found[way].part(np.isin(lesson.names.astype(str), listed))
+        log.append(log_densities(found, models, way))
         truth += [listed.index(str(name)) for name in lesson.names[found.rows]]
     values, right = np.concatenate(log), np.array(truth, int)
     if len(right) == 0:

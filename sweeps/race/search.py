@@ -169,7 +169,9 @@ class SearchCourse:
     def _heat(self, points: Sequence[Point], rules: Rules, seed: int | None, stage: str,
               episodes: int | None = None) -> Heat:
         study = with_points(self.plan.study, self.search, points, seed)
-        units = RaceUnits(plan_study(study), self.store, self.metric, "these", self.asked)
+        # Files are those of the first plan: units would not tell that one has changed since.
+        plan = plan_study(study, again=False)
+        units = RaceUnits(plan, self.store, self.metric, "these", self.asked)
         rules = afforded(rules, units, episodes)
         return Heat(Race(len(units.entries), rules), units, self.until, stage=stage)
 

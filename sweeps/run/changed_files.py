@@ -1,7 +1,6 @@
 """Whether the files that a study was read from are what they were while its units are run."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -19,17 +18,21 @@ def check_files(units: Sequence[Unit]) -> None:
     """Raises ChangedFilesError where a file that the rows of a unit depend on has not the content
     that it had when the units were planned."""
     forget_files()
+    digests: dict[tuple[str, ...], str] = {}  # of the objects' files, which may be large
     for name, cell in {unit.cell_hash: unit.cell for unit in units}.items():
         files = list(_files_of(cell))
         if not files:
             continue
-        with suppress(OSError, ValueError):  # gone, or no planner any longer
-            if cell_hash(cell, _body(cell)) == name:
+        cause = ""
+        try:
+            if cell_hash(cell, _body(cell, digests)) == name:
                 continue
+        except (OSError, ValueError) as error:  # gone, or no planner any longer
+            cause = f" ({error})"
         raise ChangedFilesError(
             f"{', '.join(files)}: changed since the study was read (or a file that is imported "
-            "there); run the sweep again when it is as it was, or with the changed file into "
-            "another directory")
+            f"there){cause}; run the sweep again when it is as it was, or with the changed file "
+            "into another directory")
 
 
 def named_files(table: Any) -> Iterator[str]:
@@ -45,12 +48,14 @@ def named_files(table: Any) -> Iterator[str]:
             yield from named_files(entry)
 
 
-def _body(cell: Cell) -> Body:
-    """The object of a cell, with the hash of its files as they are now."""
+def _body(cell: Cell, digests: dict[tuple[str, ...], str]) -> Body:
+    """The object of a cell, with the hash of its files as they are now, from `digests` if there."""
     from sweeps.spec.objects import files_digest  # imports what reads a spec
 
-    files = [Path(file) for file in named_files(cell.body_table)]
-    return Body(cell.object_name, cell.body_table, files_digest(files) if files else "")
+    files = tuple(named_files(cell.body_table))
+    if files and files not in digests:
+        digests[files] = files_digest([Path(file) for file in files])
+    return Body(cell.object_name, cell.body_table, digests[files] if files else "")
 
 
 def _files_of(cell: Cell) -> Iterator[str]:

@@ -42,7 +42,10 @@ def keep_inputs(folder: Path, study: Study) -> None:
     """
     inputs = folder / FOLDER
     for body in study.objects:
-        for number, file in enumerate(map(Path, named_files(body.table))):
+        files = [Path(file) for file in named_files(body.table)]
+        if files and files_digest(files) != body.sha256:
+            continue  # changed since the study was read: units that use them fail
+        for number, file in enumerate(files):
             _keep(file, inputs / body.sha256 / str(number) / file.name)
     for strategy in study.strategies:
         for family in strategy.waypoints:

@@ -176,6 +176,9 @@ class _Run:
             units, slot.units, slot.sent = slot.units, [], False
             self.work.failed(units, report.text)
             return self._replace(slot, number)
+        elif report.kind == "changed":
+            units, slot.units, slot.sent = slot.units, [], False
+            self.work.changed(units, report.text)
         elif report.kind == "done" and slot.units and report.unit == slot.units[0].id:
             self.work.done(slot.units.pop(0), float(report.text))
             slot.sent = bool(slot.units)

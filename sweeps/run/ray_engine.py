@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from sweeps.output import extra_hint, write_atomic
+from sweeps.run.changed_files import ChangedFilesError
 from sweeps.run.local_engine import Options, disk_error
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
@@ -27,12 +28,14 @@ AHEAD = 2  # tasks in hand for each core
 
 def compute_units(
     units: list[Unit], function: str, device: str
-) -> tuple[list[dict[str, bytes]], float] | str:
+) -> tuple[list[dict[str, bytes]], float] | ChangedFilesError | str:
     """Each unit's files by their folder and the seconds a unit took, or what was raised."""
     began = time.monotonic()
     try:
         found = run_units(find_function(function), units, device)
         files = [encode_files(unit.id, rows) for unit, rows in zip(units, found, strict=True)]
+    except ChangedFilesError as error:
+        return error
     except Exception:
         return traceback.format_exc()
     return files, (time.monotonic() - began) / len(units)
@@ -88,6 +91,9 @@ def _finish(ray: Any, work: UnitQueue, units: list[Unit], reference: Any) -> Non
         result = ray.get(reference)
     except ray.exceptions.RayError as error:  # its process died, again and again
         result = f"the task was lost: {error}"
+    if isinstance(result, ChangedFilesError):
+        work.changed(units, str(result))
+        return
     if isinstance(result, str):
         work.failed(units, result)
         return

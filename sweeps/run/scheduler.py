@@ -13,6 +13,7 @@ from sweeps.run.plan import BLOCK, TOGETHER, Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.store import Store
 from sweeps.spec.cell import batch_key, own_code
+from sweeps.spec.errors import StoreError
 
 ATTEMPTS = 2
 MOST_EPISODES = TOGETHER * BLOCK
@@ -228,6 +229,12 @@ class UnitQueue:
             self.progress.measure()
         else:
             self.seconds[unit.cell.strategy.name] = seconds
+
+    def changed(self, batch: list[Unit], text: str) -> None:
+        """Files that units read have changed. What is decided by scores ends there: StoreError."""
+        if self.further is not None:
+            raise StoreError(f"{text}; finished units are kept", 1)
+        self.failed(batch, text, final=True)
 
     def failed(self, batch: list[Unit], text: str, final: bool = False) -> None:
         """A call raised, its worker died, or (`final`: it is not tried again) its time ran out."""

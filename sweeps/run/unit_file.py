@@ -141,8 +141,7 @@ def _arrow(values: np.ndarray) -> pa.Array:
 
 
 def holds_lists(values: np.ndarray) -> bool:
-    """Whether a column holds a list in each row, as the curves do."""
-    """Whether a column holds an array of numbers a row."""
+    """Whether a column holds an array of numbers in each row, as the curves do."""
     return values.dtype == object and len(values) > 0 and isinstance(values[0], np.ndarray)
 
 

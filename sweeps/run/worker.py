@@ -26,7 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.run.changed_files import check_files
+from sweeps.run.changed_files import ChangedFilesError, check_files
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, write_files
 from sweeps.spec.cell import Cell
@@ -53,8 +53,8 @@ ENVIRONMENT = {
 @dataclass(frozen=True)
 class Report:
     """A worker's message: `ready` (`warm` if all is compiled), `done` (the next unit of its batch,
-    by its id, and the seconds it took), `error` (of the rest of it), `disk`, or `broken` (at
-    start)."""
+    by its id, and the seconds it took), `error` (of the rest of it), `changed` (files that it was
+    to read), `disk`, or `broken` (at start)."""
 
     kind: str
     text: str = ""
@@ -148,6 +148,8 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
                 yield Report("disk", f"{path}: cannot be written: {error.strerror or error}")
                 return
             yield Report("done", f"{(time.monotonic() - began) / len(units):.6f}", unit.id)
+    except ChangedFilesError as error:
+        yield Report("changed", str(error))
     except Exception:
         yield Report("error", traceback.format_exc())
 

@@ -65,7 +65,7 @@ class Search:
 
     factors: tuple[Factor, ...]
     trials: int
-    """Entries that are proposed in all."""
+    """How often an entry is proposed in all; the same one twice counts twice."""
     round: int
     """So many at a time."""
     finalists: int

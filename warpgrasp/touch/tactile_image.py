@@ -44,10 +44,11 @@ def _odd(size: int) -> int:
 
 def mean_filter(images: np.ndarray, size: int = 3) -> np.ndarray:
     """Mean of each `size` x `size` neighbourhood, (n, row, column)."""
-    from scipy.ndimage import uniform_filter1d
+    from scipy.ndimage import correlate1d  # a running sum would leave traces where all is zero
 
-    along_rows = uniform_filter1d(_stack(images), _odd(size), 1, mode="nearest")
-    return uniform_filter1d(along_rows, size, 2, mode="nearest")
+    weight = np.full(_odd(size), 1.0 / size)
+    along_rows = correlate1d(_stack(images), weight, 1, mode="nearest")
+    return correlate1d(along_rows, weight, 2, mode="nearest")
 
 
 def median_filter(images: np.ndarray, size: int = 3) -> np.ndarray:

@@ -116,6 +116,18 @@ def test_what_was_learned_is_named_by_what_was_felt(
         assert (found.name[:10] == "block").all()
 
 
+def test_an_object_recovered_in_every_other_pair_of_episodes_is_learned() -> None:
+    """By the first half nothing is known of it: the second says nothing of temperatures then."""
+    lessons = []
+    for seed, options in enumerate(({}, {"faces": True}, {"contour": True})):
+        names = [name for name in SIZES for _ in range(12)] + [UNLISTED] * 60
+        lesson = lesson_of(*batch(names, seed, **options))  # pyright: ignore
+        first = np.arange(len(names)) // 2 % 2 == 0
+        lessons.append(lesson.part(~((lesson.names == "block") & first)))
+    models = learn_models(lessons, {name: f"hash of {name}" for name in SIZES}, "test")
+    assert models.names == tuple(SIZES)
+
+
 def test_what_is_not_listed_is_none_of_these(known: KnownModels) -> None:
     found = answers(known, batch([UNLISTED] * 60, 51))
     assert (found.name == NONE).mean() > 0.75

@@ -15,6 +15,8 @@ from sweeps.analysis.rerun_episode import Episode, cell_of
 from sweeps.episode.episodes import cell_body, run_episodes
 from sweeps.run.changed_files import ChangedFilesError
 from sweeps.run.plan import Plan, cell_hash
+from sweeps.run.progress import Progress
+from sweeps.run.scheduler import UnitQueue
 from sweeps.run.store import Store, open_study
 from sweeps.run.worker import run_units
 from sweeps.spec.cell import Cell
@@ -130,3 +132,30 @@ def test_units_whose_files_changed_are_not_run(
     if which != "helper.py":  # which nothing asks for until the planner is made again
         with pytest.raises(ChangedFilesError):
             run_units(run, units, "cpu")
+
+
+def test_a_copy_is_not_replaced_by_what_a_file_has_become(tmp_path: Path, study: Path) -> None:
+    given = tmp_path / "given"
+    plan = plan_of(given, SPEC)
+    copy, = (study / "inputs").rglob("box.stl")
+    whole = copy.read_bytes()
+    trimesh.creation.box((0.05, 0.05, 0.05)).export(given / "box.stl")
+    Store(study).open_for(plan, None, "cpu")
+    assert copy.read_bytes() == whole
+
+
+def test_a_run_that_is_decided_by_scores_ends_where_files_change(
+        tmp_path: Path, study: Path) -> None:
+    """The episodes of a unit that fails would count as the worst."""
+    plan = plan_of(tmp_path / "given", SPEC)
+    units = list(plan.units())
+    for further in (None, lambda: units):
+        queue = UnitQueue(plan, Store(study), (1, 1), Progress(len(units), quiet=True),
+                          further=further)
+        unit = queue.take()[0]
+        if further:
+            with pytest.raises(StoreError, match="changed; finished units are kept"):
+                queue.changed([unit], "box.stl: changed")
+        else:
+            queue.changed([unit], "box.stl: changed")
+            assert queue.outcome.failed == 1
