@@ -48,8 +48,8 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
         read[name] = replace(read[name], kind=read_kind(
             read[name].kind, Path.cwd(), problems, ("settings", name, "kind")))
     if read["fit"].reconstruct != BUILT_IN[0]:
-        problems.add(("settings", "fit", "reconstruct"), "bodies are made anew after an episode "
-                     f"alone, and an environment does not; should be {BUILT_IN[0]}")
+        problems.add(("settings", "fit", "reconstruct"), "is applied after an episode, which "
+                     f"an environment does not do; should be {BUILT_IN[0]}")
     read["recognition"] = with_models(read["recognition"], Path.cwd(), problems)
     if not problems.found and (wrong := in_column(read)):
         problems.add(("settings", "object"), wrong)

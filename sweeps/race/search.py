@@ -170,7 +170,7 @@ class SearchCourse:
               episodes: int | None = None) -> Heat:
         study = with_points(self.plan.study, self.search, points, seed)
         # Files are those of the first plan: units would not tell that one has changed since.
-        plan = plan_study(study, again=False)
+        plan = plan_study(study, read_again=False)
         units = RaceUnits(plan, self.store, self.metric, "these", self.asked)
         rules = afforded(rules, units, episodes)
         return Heat(Race(len(units.entries), rules), units, self.until, stage=stage)

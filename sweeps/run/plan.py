@@ -105,9 +105,10 @@ class Plan:
         return Unit(unit_id(name, start, stop), name, cell, start, stop)
 
 
-def plan_study(study: Study, *, again: bool = True) -> Plan:
-    """The plan of a study; the files it names are read once, or not `again` if they were before."""
-    if again:
+def plan_study(study: Study, *, read_again: bool = True) -> Plan:
+    """The plan of a study; its files are read once each, with `read_again` also those that were
+    read for an earlier plan."""
+    if read_again:
         forget_files()
     resolved = canonical_study(study)
     return Plan(study, resolved, digest(resolved))

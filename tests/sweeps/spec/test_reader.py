@@ -395,7 +395,7 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
         for f in fields(table):
             value: Any = getattr(study.tables[name], f.name)
             if isinstance(f.default, float | tuple):
-                assert value == f.default, f.name  # to the bit, so that it is the same study
+                assert value == f.default, f.name  # bit-identical, so that it is the same study
 
 
 def test_a_planner_of_the_template_can_be_swept(tmp_path: Path) -> None:

@@ -26,7 +26,7 @@ def each(images: np.ndarray, operate) -> np.ndarray:
 
 
 def test_a_mean_of_nothing_is_nothing() -> None:
-    """Exactly: what is felt is told by values above zero."""
+    """Exactly: contact counts as values above zero."""
     images = np.zeros((1, 16, 16))
     images[:, 2:6, 2:6] = np.random.default_rng(0).integers(1, 4000, (4, 4))
     assert (mean_filter(images)[:, 7:] == 0.0).all()
