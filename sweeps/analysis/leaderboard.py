@@ -65,7 +65,8 @@ class _Faults:
     """What the rows of the entries tell besides numbers."""
 
     def __init__(self) -> None:
-        self.first: dict[str, str] = {}  # of each entry, the first note of a strategy
+        self.first: dict[str, str] = {}  # of each entry, why its first episode failed
+        self.noted: dict[str, list[Any]] = {}  # episodes with notes that touched, all, the first
         self.names_objects: set[str] = set()  # entries that recognize objects
         self.silent: dict[tuple[str, str], list[Any]] = {}  # entry, object: untouched, all, why
         self.units: dict[str, list[int]] = {}  # of each entry, units that failed, and all
@@ -76,8 +77,13 @@ class _Faults:
         for note, status, name, contacts in zip(
                 *(columns[c] for c in ("note", "status", "object", "contacts")), strict=True):
             failed = status in ("strategy_failed", "not_possible")
-            if note and (failed or contacts):
-                self.first.setdefault(entry.label, f"failed: {note}" if failed else str(note))
+            if note and failed:
+                self.first.setdefault(entry.label, f"failed: {note}")
+            noted = self.noted.setdefault(entry.label, [0, 0, ""])
+            noted[1] += 1
+            if note and contacts and not failed:
+                noted[0] += 1
+                noted[2] = noted[2] or note
             count = self.silent.setdefault((entry.label, name), [0, 0, ""])
             count[0] += not (contacts or failed)
             count[1] += 1
@@ -93,6 +99,12 @@ class _Faults:
         found = sorted((-failed, label, of) for label, (failed, of) in self.units.items() if failed)
         return [f"{label}: {-failed} of {of} units failed (see logs/*.failed.log); their episodes "
                 "count as the worst that any entry had or was given" for failed, label, of in found]
+
+    def notes(self) -> list[str]:
+        """Why strategies failed, and what notes say of episodes that touched something."""
+        return [*(f"strategy {label} {why}" for label, why in sorted(self.first.items())),
+                *(f"strategy {label}: {count} of {of} episodes have a note; the first: {note}"
+                  for label, (count, of, note) in sorted(self.noted.items()) if count)]
 
     def untouched(self) -> list[str]:
         """Where half of an entry's episodes or more touched nothing of an object, and why."""
@@ -298,7 +310,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
              *_few([*lost_notes(lost, metric)]),
              *_few(faults.failed_units()),
-             *_few([f"strategy {name} {fault}" for name, fault in sorted(faults.first.items())])]
+             *_few(faults.notes())]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""
         notes += _few([

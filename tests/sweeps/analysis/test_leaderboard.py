@@ -2,12 +2,14 @@ import csv
 import io
 from collections.abc import Sequence
 from pathlib import Path
+from types import SimpleNamespace
 
 import fake_episodes
 import numpy as np
 import pytest
 from studies import SMALL, fill, plan_of
 
+from sweeps.analysis import leaderboard
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import read_paired
@@ -211,3 +213,13 @@ def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: P
         assert float(row["chamfer_mm_these_low"]) < float(row["chamfer_mm_these_high"])
         assert row["chamfer_mm_ci_low"] == row["iou_ci_high"] == "NA"  # one object of many
     assert "one object a ranking" in board.notes[1]
+
+
+def test_notes_say_of_how_many_episodes_they_are() -> None:
+    faults = leaderboard._Faults()
+    faults(SimpleNamespace(label="ring6"), {  # pyright: ignore
+        "status": np.array(["ok", "ok", "strategy_failed", "ok"]),
+        "note": np.array(["", "4 of 5 stops", "no such path", "3 of 3 stops"]),
+        "contacts": np.array([3, 4, 0, 5]), "object": np.array(["block"] * 4)})
+    assert faults.notes() == ["strategy ring6 failed: no such path", "strategy ring6: 2 of 4 "
+                              "episodes have a note; the first: 4 of 5 stops"]
