@@ -74,13 +74,18 @@ class Truth:
         if pose.ndim != 2 or pose.shape[1] != 7:
             raise ValueError(f"body_pose: of shape {pose.shape}; should be (world, 7), a position "
                              "[m] and a quaternion xyzw each")
-        length = np.linalg.norm(pose[:, 3:], axis=1)
-        # Kernels take it at its word: of another length an object seems to stand elsewhere.
-        wrong = ~(np.isfinite(pose).all(1) & (np.abs(length - 1.0) < _UNIT))
-        if wrong.any():
-            world = int(np.argmax(wrong))
-            raise ValueError(f"body_pose: that of world {world} is {pose[world].tolist()}; should "
-                             "be finite, and its quaternion (the last four) of length 1")
+        _check_poses("body_pose", pose, np.ones(len(pose), bool))
+
+
+def _check_poses(name: str, pose: np.ndarray, counts: np.ndarray) -> None:
+    """Raise ValueError where one that `counts` (world, ...) is no place and unit quaternion."""
+    length = np.linalg.norm(pose[..., 3:], axis=-1)
+    # Kernels take it at its word: of another length an object seems to stand elsewhere.
+    wrong = counts & ~(np.isfinite(pose).all(-1) & (np.abs(length - 1.0) < _UNIT))
+    if wrong.any():
+        first = tuple(np.argwhere(wrong)[0])
+        raise ValueError(f"{name}: that of world {first[0]} is {pose[first].tolist()}; should "
+                         "be finite, and its quaternion (the last four) of length 1")
 
 
 def _of_closed(closing: Closing, closes: np.ndarray) -> Closing:
@@ -172,7 +177,10 @@ class Robot:
         Poses are left out from where the fingers' closings are as many as `room` (world,). `closes`
         (world, probe, finger) bool says which fingers close, all unless given; the others stay
         open, and are NOT_TRIED.
+
+        Raises ValueError for a wanted pose that is no place and unit quaternion.
         """
+        _check_poses("hand_pose", hand_pose, wanted)
         if closes is None:
             closes = np.ones((1, 1, commands_rad.shape[1]), bool)
         if room is not None:
@@ -242,9 +250,12 @@ class Robot:
         free, as between retreats; `checked`, the status is COLLISION where the hand, its fingers at
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.
+
+        Raises ValueError for a pose that is no place and unit quaternion.
         """
         from warpgrasp.touch.guarded_motion import guarded_line
 
+        _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(

@@ -43,3 +43,18 @@ def test_closing_paths_that_there_are_are_named(kind: str) -> None:
     with pytest.raises(KeyError, match="closing path 'curl41'; should be one of together, curl25"):
         explore_by_containment(robot(Truth(POSE), kind=kind), np.zeros((2, 1, 7)),
                                np.ones((2, 1), bool), ("curl41",))
+
+
+def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:
+    pose = np.tile([0.45, 0.0, 0.4, 0.0, 1.0, 0.0, 0.0], (2, 2, 1))
+    pose[1, 1, 3:] *= 1.01
+    own = robot(Truth(POSE))
+    commands = np.zeros((1, 4, 2, 4))
+    wanted = np.ones((2, 2), bool)
+    with pytest.raises(ValueError, match="hand_pose: that of world 1 is .* of length 1"):
+        own.grasp(pose, wanted, commands, np.array([2]))
+    with pytest.raises(ValueError, match="hand_pose: that of world 1 is .* of length 1"):
+        own.guarded_line(np.arange(2), pose[:, 1], np.zeros((2, 3)), interval_m=1e-3, steps=2,
+                         finger=1, commands_rad=np.zeros((4, 2, 4)))
+    wanted[1, 1] = False
+    own.grasp(pose, wanted, commands, np.array([2]))

@@ -26,6 +26,8 @@ MOST_MEETING = 5
 """Fingers of a hand whose meetings with one another are found, at most."""
 NEAR = 1e-9
 """Lengths [m] and angles [rad] that count as nothing."""
+_ROUNDED_DEG = 0.01
+"""By so much limits written by hand may be less than those that a leader leads its followers to."""
 
 
 def check_hand(model: HandModel) -> HandModel:
@@ -170,12 +172,22 @@ def _check_shapes(where: str, shapes: tuple[Shape, ...]) -> None:
 
 
 def _check_followers(model: HandModel) -> None:
-    driven = {joint.name for joint in model.driven}
+    driven = {joint.name: joint for joint in model.driven}
     for joint in model.joints:
-        if joint.follows is not None and joint.follows.joint not in driven:
+        if joint.follows is None:
+            continue
+        if joint.follows.joint not in driven:
             raise HandError(f"joint {joint.name}: follows {joint.follows.joint!r}, which is no "
                             f"driven joint of a finger; should be one of "
                             f"{', '.join(sorted(driven))}")
+        leader = driven[joint.follows.joint]
+        low, high = sorted(math.degrees(joint.follows.factor * end + joint.follows.offset_rad)
+                           for end in (leader.low_rad, leader.high_rad))
+        own = math.degrees(joint.low_rad), math.degrees(joint.high_rad)
+        if low < own[0] - _ROUNDED_DEG or high > own[1] + _ROUNDED_DEG:
+            raise HandError(f"joint {joint.name}: {leader.name} leads it from {low:.4g} to "
+                            f"{high:.4g} deg, but its limits are {own[0]:.4g} to {own[1]:.4g}; "
+                            f"should be as wide, or those of {leader.name} narrower")
 
 
 def _check_path(path: HandClosing, postures: tuple[Posture, ...], driven: list[str]) -> None:

@@ -88,15 +88,17 @@ def _narrowed(
     known: Mapping[str, UrdfJoint], follows: Mapping[str, Follow]
 ) -> tuple[dict[str, tuple[float, float]], list[str]]:
     """Limits [rad] of joints that would turn a follower beyond its own, and a sentence on each; of
-    followers that would be beyond their own everywhere, limits that contradict nothing."""
+    followers that have none, or would be beyond their own everywhere, as far as they are led."""
     found: dict[str, tuple[float, float]] = {}
-    wrong = []
+    wrong, free = [], []
     for name, follow in follows.items():
         own, leader = known[name], known[follow.joint]
         low, high = found.get(leader.name, (leader.low_rad, leader.high_rad))
         led = sorted(follow.factor * end + follow.offset_rad for end in (low, high))
-        if own.kind != "revolute" or (
-                led[0] >= own.low_rad - NEAR and led[1] <= own.high_rad + NEAR):
+        if own.kind != "revolute":
+            free.append(name)
+            continue
+        if led[0] >= own.low_rad - NEAR and led[1] <= own.high_rad + NEAR:
             continue
         first, last = sorted((end - follow.offset_rad) / follow.factor for end in (
             own.low_rad, own.high_rad)) if follow.factor else (high, low)
@@ -106,14 +108,15 @@ def _narrowed(
             wrong.append(name)
     notes = [f"joint {name} goes from {_degrees(low)} to {_degrees(high)} deg, as far as joints "
              "that follow it may" for name, (low, high) in found.items()]
-    for name in wrong:
+    for name in wrong + free:
         follow = follows[name]
         leader = known[follow.joint]
         low, high = sorted(follow.factor * end + follow.offset_rad for end in found.get(
             leader.name, (leader.low_rad, leader.high_rad)))
         found[name] = low, max(high, low + _LEAST_RAD)
-        notes.append(f"joint {name} goes from {_degrees(low)} to {_degrees(high)} deg, as "
-                     f"{follow.joint} leads it: by its own limits the two could not move")
+        if name in wrong:
+            notes.append(f"joint {name} goes from {_degrees(low)} to {_degrees(high)} deg, as "
+                         f"{follow.joint} leads it: by its own limits the two could not move")
     return found, notes
 
 

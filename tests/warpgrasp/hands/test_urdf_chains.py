@@ -8,7 +8,9 @@ import pytest
 from chains import random_angles
 from urdf_parts import joint, link, robot
 
+from warpgrasp.hands.hand_file import hand_from_file
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, posture_angles
+from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
 pytestmark = pytest.mark.filterwarnings("ignore::DeprecationWarning")  # yourdfpy's own
@@ -102,7 +104,18 @@ def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
               more='<mimic joint="j1" multiplier="9"/>')]))
     model, notes = hand_from_urdf(file)
     assert (model.joints[0].low_rad, model.joints[0].high_rad) == pytest.approx((0.05, 0.75))
+    assert (model.joints[3].low_rad, model.joints[3].high_rad) == pytest.approx((0.45, 6.75))
     assert any("joint j1 goes from 2.865 to 42.97 deg, as far as" in note for note in notes)
+    # A file by hand may say less; but not that a follower is led beyond its limits.
+    written = tmp_path / "hand.toml"
+    written.write_text(hand_text(model))
+    assert len(hand_from_file(written).joints) == 4
+    wide = hand_text(model).replace("42.97183463481", "60.0", 1)
+    assert wide != hand_text(model)
+    written.write_text(wide)
+    with pytest.raises(ValueError, match=r"joint j2: j1 leads it from 5.73 to 120 deg, but its "
+                                         r"limits are 0 to 85.94; should be as wide, or those of"):
+        hand_from_file(written)
     for posture in model.postures:
         angles = driven_angles(model, posture_angles(model, posture))
         assert all(j.low_rad - 1e-9 <= angle <= j.high_rad + 1e-9
