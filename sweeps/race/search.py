@@ -83,6 +83,14 @@ class SearchCourse:
                         self.asked)
 
     @property
+    def taken(self) -> int:
+        """Episodes of the rounds. An entry that is proposed again has the same: they count once."""
+        most: dict[str, int] = {}
+        for found in self.proposed:
+            most[found.label] = max(found.episodes, most.get(found.label, 0))
+        return sum(most.values())
+
+    @property
     def race(self) -> Race:
         """The last race; before it, one without entries."""
         return self.heat.race if self.heat and self.last else Race(0, self.rules)
@@ -124,9 +132,8 @@ class SearchCourse:
             return None
         count = min(self.search.round, self.search.trials - self.proposals.tried)
         each = self.search.episodes * self.units.episodes_each
-        taken = sum(found.episodes for found in self.proposed)
         if self.budget is not None:
-            count = min(count, int(SHARE * self.budget - taken) // each)
+            count = min(count, int(SHARE * self.budget - self.taken) // each)
         if count < 2:
             return None
         points = self.proposals.ask(count)
@@ -159,10 +166,9 @@ class SearchCourse:
             return None
         for found in chosen:
             found.final = True
-        taken = sum(found.episodes for found in self.proposed)
-        left = None if self.budget is None else self.budget - taken
+        left = None if self.budget is None else self.budget - self.taken
         seed = int(digest([self.plan.study.head.seed, "last race"])[:15], 16)
-        note(f"{len(self.proposed)} proposals took {taken:,} episodes; the best {len(chosen)} race "
+        note(f"{len(self.proposed)} proposals took {self.taken:,} episodes; the best {len(chosen)} race "
              "again, on other seeds")
         return self._heat([found.point for found in chosen], self.rules, seed, "last race", left)
 
@@ -189,9 +195,8 @@ def search_table(course: SearchCourse) -> TextTable:
 
 def search_lines(course: SearchCourse) -> dict[str, str]:
     """What is said of the rounds, beside the outcome of the last race."""
-    taken = sum(found.episodes for found in course.proposed)
-    return {"search": f"{len(course.proposed)} proposals in {course.round} rounds took {taken:,} "
-                      "episodes; the claim is of the finalists, on other seeds"}
+    return {"search": f"{len(course.proposed)} proposals in {course.round} rounds took "
+                      f"{course.taken:,} episodes; the claim is of the finalists, on other seeds"}
 
 
 def _text(value: Any) -> str:

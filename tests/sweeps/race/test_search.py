@@ -158,6 +158,18 @@ def test_the_same_proposals_of_a_round_are_one_entry(tmp_path: Path) -> None:
     assert len(told) == proposals.tried == 12
 
 
+def test_entries_proposed_again_count_once_against_the_budget(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Two entries in all: each round proposes both, whose episodes are there from the first on."""
+    text = ONE.replace("trials = 12", "trials = 60") + '"strategy.count" = [5, 6]'
+    out = tmp_path / "out"
+    assert search(write_spec(tmp_path, text), out, "--budget-episodes", "400") == 0
+    assert {row["n_episodes"] for row in rows(out / "search.csv")} == {"16"}
+    assert len(rows(out / "search.csv")) > 10
+    assert "rounds took 32 episodes" in capsys.readouterr().out
+
+
 def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (ONE + '"strategy.count" = [5]\n'
             '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [4] } }')
