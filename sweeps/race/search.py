@@ -168,8 +168,8 @@ class SearchCourse:
             found.final = True
         left = None if self.budget is None else self.budget - self.taken
         seed = int(digest([self.plan.study.head.seed, "last race"])[:15], 16)
-        note(f"{len(self.proposed)} proposals took {self.taken:,} episodes; the best {len(chosen)} race "
-             "again, on other seeds")
+        note(f"{len(self.proposed)} proposals took {self.taken:,} episodes; the best "
+             f"{len(chosen)} race again, on other seeds")
         return self._heat([found.point for found in chosen], self.rules, seed, "last race", left)
 
     def _heat(self, points: Sequence[Point], rules: Rules, seed: int | None, stage: str,

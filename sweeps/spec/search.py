@@ -10,7 +10,7 @@
 A factor with `when` is only proposed where another one, above it, has one of the values named.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -54,9 +54,22 @@ class Factor:
         """Whether it has one value only."""
         return len(set(map(repr, self.choices))) == 1 if self.choices else self.steps == 0
 
-    def is_open(self, values: Mapping[str, Any]) -> bool:
-        """Whether it is proposed beside these values of earlier factors."""
-        return all(values.get(key) in wanted for key, wanted in self.when)
+    @property
+    def extremes(self) -> tuple[Any, ...]:
+        """Its ends and the value nearest to zero; of choices, all."""
+        if self.choices:
+            return self.choices
+        ends = self.low, self.high if self.step is None else _after(self, self.steps)
+        if self.step is None:
+            return (*ends, 0.0) if self.low < 0.0 < self.high else ends
+        nearest = round(-self.low / self.step)
+        return (*ends, _after(self, nearest)) if 0 < nearest < self.steps else ends
+
+    def is_open(self, values: Mapping[str, Any], known: Collection[str] | None = None) -> bool:
+        """Whether it is proposed beside these values of earlier factors; of all of them, or as far
+        as one can tell of those that are `known`."""
+        return all(values.get(key) in wanted for key, wanted in self.when
+                   if known is None or key in known)
 
 
 @dataclass(frozen=True)

@@ -82,6 +82,26 @@ def test_an_object_in_the_arms_column_is_refused(tmp_path: Path) -> None:
     assert "is where the arm itself stands" in refusals(tmp_path, SMALL + drawn)[0]
 
 
+@pytest.mark.parametrize(("space", "says"), [
+    ('"object.x_mm" = { low = 0.43, high = 0.47 }\n', "with object.x_mm = 0.43: x_mm = 0.43"),
+    ('"object.x_mm" = { low = -450, high = 450 }\n', "with object.x_mm = 0.0: x_mm = 0, y_mm = 0"),
+    ('"object.x_mm" = { low = -450, high = 450, step = 300 }\n', ""),
+    ('"object.x_mm" = { low = -450, high = 450, step = 90 }\n', "with object.x_mm = 0: x_mm = 0"),
+    ('"object.x_mm" = [50, 450]\n"object.y_mm" = { low = 0, high = 50, when = '
+     '{ "object.x_mm" = [450] } }\n', "with object.x_mm = 50: x_mm = 50, y_mm = 0"),
+    ('"object.x_mm" = [450]\n"object.y_mm" = { low = 0, high = 50 }\n', ""),
+])
+def test_a_space_that_holds_the_arms_column_is_refused(tmp_path: Path, space: str,
+                                                       says: str) -> None:
+    text = ('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "ring"\n'
+            f'waypoints = {{ kind = "ring", count = 6 }}\n[search]\n{space}')
+    if says:
+        found, = refusals(tmp_path, text)
+        assert f"search: {says}" in found
+    else:
+        read_spec(write_spec(tmp_path, text))
+
+
 def test_a_place_without_a_column_is_taken(tmp_path: Path) -> None:
     """A floating wrist has none; an arm may hang from above; beside it there is room."""
     text = METRES[0]
