@@ -12,7 +12,6 @@ import numpy as np
 
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
-from sweeps.spec.search import with_points
 from sweeps.spec.study import Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
@@ -165,10 +164,9 @@ def check_pads(study: Study, problems: Problems) -> None:
 
 def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[str, Any]], str],
                 path: KeyPath, problems: Problems) -> None:
-    """Notes the first point of the sweep, or end of the space that is searched, at which tables do
-    not fit together, as far as they depend on `keys`: where one of them is given, or else at
-    `path`."""
-    for swept, tables in swept_points(_with_ends(study, keys), keys):
+    """Notes the first point of the sweep at which tables do not fit together, as far as they depend
+    on `keys`: where one of them is given, or else at `path`."""
+    for swept, tables in swept_points(study, keys):
         if wrong := misfit(tables):
             given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
             if swept:
@@ -176,19 +174,6 @@ def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[s
                 given = [("search" if searched else "sweep",)]
             problems.add([*given, path][0], told_of(swept) + wrong)
             return
-
-
-def _with_ends(study: Study, keys: Collection[str]) -> Study:
-    """The study with the ends of what is searched of `keys`, and their values nearest to zero, as
-    an axis; itself where nothing of them is."""
-    if study.search is None or not any(is_searched(study, key) for key in keys):
-        return study
-    points: list[dict[str, Any]] = [{}]
-    for factor in study.search.factors:
-        if factor.key in keys:
-            points = [{**point, factor.key: value} for point in points for value in (
-                factor.extremes if factor.is_open(point, keys) else (None,))]
-    return with_points(study, study.search, points)
 
 
 def swept_points(study: Study, keys: Collection[str]

@@ -29,6 +29,7 @@ from warpgrasp.parameters import (
 KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
 """Bytes of a file of models."""
+PLACE_KEYS = ("object.x_mm", "object.y_mm")
 UNSWEPT = "recognition.models"
 """The key that names a file; a study keeps one."""
 ARM_LIMIT = 1 << 20
@@ -160,8 +161,9 @@ def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> No
 
 def check_places(study: Study, problems: Problems) -> None:
     """Notes the first setting under which the object stands where the arm does, as when metres are
-    written for millimetres."""
-    note_misfit(study, ("object.x_mm", "object.y_mm", ARM_KEY), in_column, ("object",), problems)
+    written for millimetres. Arms that a search proposes are not asked."""
+    if not is_searched(study, ARM_KEY):
+        note_misfit(study, (*PLACE_KEYS, ARM_KEY), in_column, ("object",), problems)
 
 
 def in_column(tables: Mapping[str, Any]) -> str:

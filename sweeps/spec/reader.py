@@ -13,6 +13,7 @@ from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out
 from sweeps.spec.named_files import (
     KEY,
+    PLACE_KEYS,
     check_arms,
     check_places,
     check_swept_reconstruct,
@@ -22,7 +23,7 @@ from sweeps.spec.named_files import (
     with_models,
 )
 from sweeps.spec.objects import read_objects
-from sweeps.spec.search import read_search
+from sweeps.spec.search import read_search, with_ends
 from sweeps.spec.strategies import read_strategies
 from sweeps.spec.study import ARM_KEY, CELL_LIMIT, EPISODE_LIMIT, HAND_KEY, Study, StudyTable
 from sweeps.spec.toml_reader import read_toml
@@ -96,7 +97,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     if not problems.found:
         check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
-        check_places(study, problems)
+        check_places(with_ends(study, PLACE_KEYS), problems)
         check_pads(study, problems)
     if not problems.found:
         check_used(study, problems)

@@ -229,6 +229,20 @@ def with_points(study: Study, search: Search, points: Sequence[Mapping[str, Any]
     return replace(study, head=head, axes=(*study.axes, Axis(keys, values, si)), search=None)
 
 
+def with_ends(study: Study, keys: Collection[str]) -> Study:
+    """The study with the ends of what is searched of `keys`, and their values nearest to zero, as
+    settings; itself where nothing of them is searched."""
+    factors = study.search.factors if study.search else ()
+    points: list[dict[str, Any]] = [{}]
+    for factor in factors:
+        if factor.key in keys:
+            points = [{**point, factor.key: value} for point in points for value in (
+                factor.extremes if factor.is_open(point, keys) else (None,))]
+    if study.search is None or points == [{}]:
+        return study
+    return replace(with_points(study, study.search, points), search=study.search)
+
+
 def refuse_search(study: Study, spec: Path) -> None:
     """Refuses to sweep a space: StoreError."""
     if study.search is not None:
