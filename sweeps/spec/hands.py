@@ -44,6 +44,9 @@ _READ_BY = {
 """Fields of `SensorTable` that count for hands of some senses only."""
 _CLOSED_BY = ("hand.kind", "hand.link_density_kg_m3", "contact.weight", "contact.self_contact")
 """Keys by which a hand can be closed or not."""
+_WEIGHED = ("hand.joint_stiffness_Nm_rad", "hand.link_density_kg_m3", "hand.link_length_mm",
+            "hand.link_radius_mm", "hand.abduction_offset_mm", "hand.kind", "contact.weight")
+"""Keys by which the Utah-MIT hand's fingers hang."""
 
 
 def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -94,8 +97,18 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
+    if UTAH_MIT in hands:
+        note_misfit(study, _WEIGHED, _hangs, ("hand",), problems)
     if hands != {UTAH_MIT} and closes_fingers(study):
         note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
+
+
+def _hangs(tables: Mapping[str, Any]) -> str:
+    """Why fingers of the Utah-MIT hand hang too far from their commands."""
+    from warpgrasp.mechanism.utah_mit_weight import weight_misfit
+
+    hand = tables["hand"]
+    return weight_misfit(hand, tables["contact"]) if hand.kind == UTAH_MIT else ""
 
 
 def _misfit(tables: Mapping[str, Any]) -> str:

@@ -51,9 +51,9 @@ def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:
     own = robot(Truth(POSE))
     commands = np.zeros((1, 4, 2, 4))
     wanted = np.ones((2, 2), bool)
-    with pytest.raises(ValueError, match="hand_pose: that of world 1 is .* of length 1"):
+    with pytest.raises(ValueError, match=r"hand_pose: that of world 1 is .* of length 1"):
         own.grasp(pose, wanted, commands, np.array([2]))
-    with pytest.raises(ValueError, match="hand_pose: that of world 1 is .* of length 1"):
+    with pytest.raises(ValueError, match=r"hand_pose: that of world 1 is .* of length 1"):
         own.guarded_line(np.arange(2), pose[:, 1], np.zeros((2, 3)), interval_m=1e-3, steps=2,
                          finger=1, commands_rad=np.zeros((4, 2, 4)))
     wanted[1, 1] = False

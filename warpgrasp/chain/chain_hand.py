@@ -19,7 +19,7 @@ from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, postur
 from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
 from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
 from warpgrasp.mechanism.calibration import Calibration
-from warpgrasp.mechanism.utah_mit_hand import GRAVITY_M_S2
+from warpgrasp.mechanism.utah_mit_weight import GRAVITY_M_S2
 from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
 
 _NO_SERVO = 1.0

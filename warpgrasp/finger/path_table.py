@@ -13,7 +13,7 @@ import warp as wp
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.finger.path_record import LinkStep, PathStep
 from warpgrasp.mechanism.calibration import Calibration
-from warpgrasp.mechanism.utah_mit_hand import WEIGHT_ASKEW
+from warpgrasp.mechanism.utah_mit_weight import weight_askew
 from warpgrasp.parameters import ContactTable, HandTable
 
 _STILL = 1e-9
@@ -118,5 +118,5 @@ def path_on_device(
 ) -> tuple[wp.array, wp.array]:
     """`path_table` on a device, kept for the next launch along the same commands."""
     commands = np.ascontiguousarray(commands_rad, np.float64)
-    askew = errors.askew_limit + WEIGHT_ASKEW * contact.weight
+    askew = errors.askew_limit + weight_askew(hand) * contact.weight
     return _tabled(hand, askew, contact.joint_stops, commands.shape, commands.tobytes(), device)

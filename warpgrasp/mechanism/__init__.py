@@ -14,6 +14,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "puma560": ["ALPHA_RAD", "puma_forward_batch", "puma_inverse_batch"],
     "tendon": ["tendon_sensor_of"],
     "touch_postures": ["ExtendedFinger", "OpposedPair", "utah_mit_extended", "utah_mit_opposed"],
-    "utah_mit_hand": ["FINGER_COUNT", "GRAVITY_M_S2", "LINK_COUNT", "WEIGHT_ASKEW", "hand_links",
-        "hand_of"],
+    "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "hand_links", "hand_of"],
+    "utah_mit_weight": ["GRAVITY_M_S2", "weight_misfit"],
 })

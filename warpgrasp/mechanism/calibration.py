@@ -19,14 +19,9 @@ from warpgrasp.mechanism.arm import arm_of, is_floating, serial_model
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.mechanism.tendon import may_stop_free, tendon_sensor_of
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
-from warpgrasp.mechanism.utah_mit_hand import (
-    FINGER_COUNT,
-    LINK_COUNT,
-    hand_of,
-    link_weights,
-    weight_bounds,
-)
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
+from warpgrasp.mechanism.utah_mit_weight import link_weights, weight_bounds
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 
 _LARGEST = 3.0

@@ -15,21 +15,25 @@ import warp as wp
 from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
+from warpgrasp.mechanism.utah_mit_weight import (
+    link_weights,
+    weight_askew,
+    weight_bounds,
+    weight_misfit,
+)
 from warpgrasp.parameters import ContactTable, HandTable
 
 FINGER_COUNT = 4
 LINK_COUNT = 3  # proximal, middle, distal
 
 
-GRAVITY_M_S2 = 9.81
-WEIGHT_ASKEW = 0.02
-"""What weight changes on the way: it turns joints by less than a hundredth of a radian."""
-
-
 @lru_cache(maxsize=32)
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
-    """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`."""
+    """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`. Raises
+    ValueError for what `weight_misfit` says."""
     contact = contact or ContactTable()
+    if wrong := weight_misfit(table, contact):
+        raise ValueError(wrong)
     hand = Hand()
     hand.abduction_offset = table.abduction_offset_m
     hand.link_length = vec3(*table.link_length_m)
@@ -43,36 +47,10 @@ def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     hand.high = vec4(table.abduction_limit_rad[1], *table.flexion_high_rad)
     if contact.weight:
         weight = link_weights(table)
-        hand.askew = WEIGHT_ASKEW
+        hand.askew = weight_askew(table)
         _, sag, hand.lean = weight_bounds(table, weight)
         hand.weight, hand.sag = vec3(*weight), vec3(*sag)
     return hand
-
-
-def link_weights(table: HandTable) -> np.ndarray:
-    """Of the three links of a finger, solid capsules [N]."""
-    length, radius = np.array(table.link_length_m), table.link_radius_m
-    return (np.pi * radius**2 * (length + 4 / 3 * radius)
-            * table.link_density_kg_m3 * GRAVITY_M_S2)
-
-
-def weight_bounds(table: HandTable, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """The most that links of `weight` (3,) [N] can do, however the finger is bent and turned.
-
-    Returns torques on the four joints [N m], how far they can let a place of each link sink [m],
-    and how far any place sideways [m], a tenth added for what errors of calibration change.
-    """
-    length = np.array(table.link_length_m)
-    start = np.concatenate([[0.0], length.cumsum()[:-1]])  # of each link from the first flexion
-    middle, end = start + length / 2, start + length
-    flexion = [float((weight * np.maximum(middle - start[j], 0.0)).sum()) for j in range(3)]
-    abduction = float((weight * (table.abduction_offset_m + middle)).sum())
-    turn = np.array([abduction, *flexion]) / table.joint_stiffness_Nm_rad
-    lever = np.stack([end + table.abduction_offset_m,
-                      *(np.maximum(end - start[j], 0.0) for j in range(3))])
-    across, along = turn[0] * lever[0], (turn[1:, None] * lever[1:]).sum(0)
-    return (np.array([abduction, *flexion]), 1.1 * np.hypot(across, along),
-            float(1.1 * across[-1]))
 
 
 def hand_links(

@@ -204,3 +204,15 @@ def test_hands_that_cannot_be_closed_are_refused(tmp_path: Path) -> None:
     assert "with hand.link_density_kg_m3 = 1000: " in told(tmp_path, text + dense)
     read(tmp_path, text + "[contact]\nweight = false\n")
     read(tmp_path, text + 'order = ["planar"]\n')
+
+
+def test_fingers_that_hang_too_far_are_told(tmp_path: Path) -> None:
+    """To first order alone the kernels know where they hang: servos of 0.1 put tips 1 mm off."""
+    text = HEAD + RING + "[hand]\njoint_stiffness_Nm_rad = {}\n"
+    said = told(tmp_path, text.format(0.1))
+    assert "hand.joint_stiffness_Nm_rad: the fingers' own weight turns their joints by 0.37" in said
+    read(tmp_path, text.format(0.5))
+    read(tmp_path, text.format(0.1) + "[contact]\nweight = false\n")
+    swept = '[sweep.grid]\n"hand.link_density_kg_m3" = [1000, 20000]\n'
+    assert "with hand.link_density_kg_m3 = 20000: the fingers' own" in told(
+        tmp_path, text.format(2.0) + swept)

@@ -7,11 +7,14 @@ import pytest
 from closings import HAND, body_of, close, poses_about
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
+from scipy.optimize import minimize
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.validate.reference_finger import FingerEnergy
 from warpgrasp.closing.closing import close_fingers
 from warpgrasp.geometry.body import Body, scene_of
+from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
+from warpgrasp.mechanism.utah_mit_weight import weight_misfit
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ContactTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
@@ -147,3 +150,31 @@ def test_rests_of_many_closings(name: str, share: float) -> None:
               for _, slope in worst_slopes(body, path, 60)]
     assert len(slopes) > 50
     assert np.mean(np.array(slopes) > GRADIENT_NM) <= share
+
+
+def test_free_fingers_hang_where_their_energy_is_least() -> None:
+    """As heavy as fingers may be, tips are within a tenth of a millimetre; heavier are refused."""
+    body, contact = body_from_name("block"), ContactTable(friction=0.0, self_contact=False)
+    soft = replace(HAND, joint_stiffness_Nm_rad=0.38)
+    poses = poses_about(body, 3, 5)
+    poses[:, 2] += 1.0
+    commands = closing_commands(CLOSING_PATHS["curl40"])
+    assert weight_misfit(soft, contact) == ""
+    _, truth = close_fingers(
+        scene_of([body], "cpu"), np.zeros(1, int), np.tile([0, 0, 0, 0, 0, 0, 1.0], (3, 1)),
+        soft, SensorTable(tendon_threshold_N=30.0), np.arange(3, dtype=np.uint64),
+        np.full((3, 1, 1), int(ProbeStatus.CONTACT)), poses[:, None], commands[None],
+        np.array([commands.shape[1]]), contact=contact)
+    sunk = []
+    for i in range(3):
+        for f in range(4):
+            energy = FingerEnergy(body, soft, poses[i], f, contact)
+            q, command = truth.q_rad[i, 0, 0, f], commands[f, -1]
+            least = minimize(energy.energy, command, (command,), jac=energy.gradient).x
+            tips, _ = hand_links(soft, poses[[i, i, i]], np.tile(
+                np.array([q, least, command])[:, None], (1, 4, 1)))
+            assert np.linalg.norm(tips[0, f, 4] - tips[1, f, 4]) < 1e-4
+            sunk.append(np.linalg.norm(tips[0, f, 4] - tips[2, f, 4]))
+    assert max(sunk) > 3e-3
+    with pytest.raises(ValueError, match=r"turns their joints by 0\.12 rad together"):
+        hand_of(replace(HAND, joint_stiffness_Nm_rad=0.3), contact)
