@@ -7,7 +7,6 @@ it. Strategies come in the order of the spec, then objects, settings and episode
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import product
 from pathlib import Path
 from typing import Any, BinaryIO
 
@@ -85,8 +84,7 @@ def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list
 def _units(plan: Plan) -> Iterator[tuple[Unit, int]]:
     """Every unit with the number of its setting."""
     study = plan.study
-    for strategy, body, setting in product(
-            range(len(study.strategies)), range(len(study.objects)), range(study.setting_count)):
+    for strategy, body, setting in sorted(study.cells()):
         cell = study.cell(strategy, body, setting)
         name = cell_hash(cell, study.objects[body])
         for block in range(plan.block_count):
@@ -143,8 +141,10 @@ def _table(columns: Columns, known: dict[str, pa.DataType], unit: Unit, setting:
     arrays = {name: _array(columns[name]) for name in NAMES if name in columns}
     arrays["setting"] = pa.array(np.full(count, setting, np.int64))
     for key, kind in _setting_types(study).items():
-        value = unit.cell.setting[key]
-        arrays[key] = pa.array([value_text(value) if kind == pa.string() else value] * count, kind)
+        value = unit.cell.setting.get(key)
+        if value is not None and kind == pa.string():
+            value = value_text(value)
+        arrays[key] = pa.array([value] * count, kind)
     for name in known | columns:
         if name not in arrays:
             arrays[name] = (_array(columns[name]) if name in columns

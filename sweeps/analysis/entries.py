@@ -92,12 +92,15 @@ def entry_axes(plan: Plan, by: Sequence[str] | None) -> tuple[list[int], bool]:
 
 
 def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
-    """Every strategy under every setting of `axes`."""
+    """Every strategy under every setting of `axes`; once where an axis says nothing of it."""
     entries = []
     texts = {n: point_texts(plan.study.axes[n]) for n in axes}
     for number, strategy in enumerate(plan.study.strategies):
-        for points in product(*(range(len(plan.study.axes[n].values)) for n in axes)):
-            told = [text for n, point in zip(axes, points, strict=True) for text in texts[n][point]]
+        idle = plan.study.idle[number]
+        for points in product(*(range(1 if n in idle else len(plan.study.axes[n].values))
+                                for n in axes)):
+            told = [text for n, point in zip(axes, points, strict=True) if n not in idle
+                    for text in texts[n][point]]
             label = strategy.name + (f" [{', '.join(told)}]" if told else "")
             entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
     return entries

@@ -154,7 +154,8 @@ def _scores(plan: Plan, store: Store) -> np.ndarray:
     study = plan.study
     out = np.full((study.setting_count, len(study.strategies), len(study.objects),
                    study.head.episodes_per_cell), np.nan)
-    for strategy, body, setting in study.cells():
+    # A strategy of which a constant says nothing has the same cell under each of its values.
+    for setting, strategy, body in np.ndindex(out.shape[:3]):
         cell = study.cell(strategy, body, setting)
         name = cell_hash(cell, study.objects[body])
         for block in range(plan.block_count):

@@ -57,6 +57,8 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
         means = paired.means[metric][0, mine]
         between = means.var()
         for place, axis in enumerate(plan.study.axes):
+            if place in plan.study.idle[number]:
+                continue
             points = np.array([paired.entries[n].points[place] for n in mine])
             for k, key in enumerate(axis.keys):
                 names, level = _levels([axis.values[point][k] for point in points])

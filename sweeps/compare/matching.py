@@ -102,7 +102,8 @@ def _matches(one: Plan, other: Plan) -> Iterator[Match]:
             if names[entry.strategy] != strategy.name or not all(
                     _agree(key, si, one, mine, their_si, other, entry) for key in keys):
                 continue
-            told = [f"{key}={value_text({**their_given, **given}[key])}" for key in keys]
+            values = their_given | given
+            told = [f"{key}={value_text(values[key])}" for key in keys if key in values]
             label = strategy.name + (f" [{', '.join(told)}]" if told else "")
             streams = {strategy.noise_stream, other.study.strategies[entry.strategy].noise_stream}
             yield Match(label, strategy.name, mine, entry, len(streams) == 1)
@@ -118,7 +119,8 @@ def _swept(plan: Plan) -> Iterator[str]:
 def _values(plan: Plan, entry: Entry) -> tuple[dict[str, Any], dict[str, Any]]:
     """What an entry has for the keys of its axes, as given and in SI."""
     points = dict.fromkeys(range(len(plan.study.axes)), 0) | entry.points
-    own = {key for n in entry.points for key in plan.study.axes[n].keys}
+    own = {key for n in entry.points if n not in plan.study.idle[entry.strategy]
+           for key in plan.study.axes[n].keys}
     given, si = plan.study.setting(setting_index(plan, points))
     return ({key: value for key, value in given.items() if key in own},
             {key: value for key, value in si.items() if key in own})
@@ -129,6 +131,8 @@ def _agree(key: str, si: Mapping[str, Any], one: Plan, mine: Entry, their_si: Ma
     """Whether two entries have the same value of a key that at least one study sweeps."""
     if key in si and key in their_si:
         return si[key] == their_si[key]
+    if key not in si and key not in their_si:  # it says nothing of this strategy
+        return True
     if key in si:
         return other.study.holds(entry.strategy, key, si[key])
     return one.study.holds(mine.strategy, key, their_si[key])

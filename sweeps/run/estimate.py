@@ -55,17 +55,20 @@ ITERATED_OTHER = 4.0
 def estimate_cost(plan: Plan) -> list[tuple[str, str]]:
     """Rows of `warpgrasp check`: disk and time."""
     study = plan.study
-    each = study.cell_count // len(study.strategies) * study.head.episodes_per_cell
     robots = [*product(arms_of(study), hands_of(study))]
-    units, free = plan.unit_count // len(study.strategies), _free_share(study)
+    free = _free_share(study)
     seconds = START_S + OBJECT_S * len(study.objects)
-    for strategy in study.strategies:
+    moves = 0.0
+    for number, strategy in enumerate(study.strategies):
+        cells = len(study.objects) * study.settings_of(number)
+        each, units = cells * study.head.episodes_per_cell, cells * plan.block_count
+        moves += each * episode_moves(strategy)
         seconds += each * mean(episode_seconds(strategy, *robot) for robot in robots)
         seconds += each * free * form_seconds(strategy) + units * unit_seconds(strategy, free > 0)
     disk = (plan.unit_count * UNIT_BYTES
             + EPISODE_BYTES * study.cell_count * study.head.episodes_per_cell)
     if study.head.keep == "contacts":
-        disk += MOVE_BYTES * each * sum(episode_moves(strategy) for strategy in study.strategies)
+        disk += MOVE_BYTES * moves
     return [("disk", f"about {disk / 1e6:.1f} MB (estimate)"),
             ("time", f"about {_time(seconds)} on one core (estimate)")]
 

@@ -1,7 +1,8 @@
 """A resolved study: a spec with all defaults filled in, and its cells."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import product
 from math import prod
 from typing import Any
@@ -16,6 +17,8 @@ from warpgrasp.parameters import TrueTables
 HAND_KEY, ARM_KEY = "hand.kind", "arm.kind"
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 
+_OF_ALL = ("closings", "order", "refit_every", *BUDGET_KEYS)
+"""Keys of a strategy that each has."""
 EPISODE_LIMIT = 10**9
 CELL_LIMIT = 10**7
 SIDE_BY_SIDE = 256
@@ -79,8 +82,22 @@ class Study:
 
     @property
     def cell_count(self) -> int:
-        """Strategies x objects x settings."""
-        return len(self.strategies) * len(self.objects) * self.setting_count
+        """Objects times the settings of each strategy."""
+        return len(self.objects) * sum(map(self.settings_of, range(len(self.strategies))))
+
+    @cached_property
+    def idle(self) -> tuple[frozenset[int], ...]:
+        """Of each strategy the axes that say nothing of it, such as options of another planner: it
+        has their first point alone, without their keys. Axes that are averaged over are not
+        counted, so that all entries have the same cases."""
+        return tuple(frozenset(n for n, axis in enumerate(self.axes) if not axis.sampled
+                               and not any(reaches(strategy, key, self.axes) for key in axis.keys))
+                     for strategy in self.strategies)
+
+    def settings_of(self, strategy: int) -> int:
+        """How many settings a strategy has."""
+        return prod(len(axis.values) for n, axis in enumerate(self.axes)
+                    if n not in self.idle[strategy])
 
     @property
     def group_size(self) -> int:
@@ -102,6 +119,9 @@ class Study:
     def cell(self, strategy: int, body: int, setting: int) -> Cell:
         """The cell of these three indices."""
         given, si = self.setting(setting)
+        for key in [key for n in self.idle[strategy] for key in self.axes[n].keys]:
+            given.pop(key, None)
+            si.pop(key, None)
         tables = dict(self.tables)
         chosen = self.strategies[strategy]
         for key, value in si.items():
@@ -135,6 +155,9 @@ class Study:
         Objects of few episodes come in groups, so that their episodes can be run in one call; one
         by one of the strategies that no call runs together.
         """
+        shape = [len(axis.values) for axis in self.axes]
+        places = np.indices(shape).reshape(len(shape), self.setting_count)
+        has = [(places[[*axes]] == 0).all(0) for axes in self.idle]
         free = self.tables["fit"].free_forms
         alone = [n for n, s in enumerate(self.strategies) if not run_together(s.call, free)]
         together = [n for n in range(len(self.strategies)) if n not in alone]
@@ -143,9 +166,11 @@ class Study:
             bodies = range(*(len(self.objects) * n // groups for n in (group, group + 1)))
             for settings in self._cases():
                 for setting, strategy, body in product(settings, together, bodies):
-                    yield strategy, body, setting
+                    if has[strategy][setting]:
+                        yield strategy, body, setting
                 for body, setting, strategy in product(bodies, settings, alone):
-                    yield strategy, body, setting
+                    if has[strategy][setting]:
+                        yield strategy, body, setting
 
     def _cases(self) -> Iterator[list[int]]:
         """The settings of each point of the sampled axes: of entries that are compared there."""
@@ -154,6 +179,32 @@ class Study:
         settings = np.arange(self.setting_count).reshape([len(axis.values) for axis in self.axes])
         for case in settings.transpose(axes).reshape(cases, -1):
             yield case.tolist()
+
+
+_WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
+               "decide": {"decide"}}
+"""Procedures of an order, one of which a strategy has that reads a table."""
+
+
+def reaches(strategy: Strategy, key: str, axes: Sequence[Axis] = ()) -> bool:
+    """Whether a key that is swept says anything of a strategy. Planners choose for themselves: of
+    them neither waypoints nor an order do."""
+    section, name = key.split(".", 1)
+    if section != "strategy":
+        swept = any("strategy.order" in axis.keys for axis in axes)
+        return section not in _WHERE_READ or swept or bool(
+            _WHERE_READ[section] & {*strategy.order})
+    if name.startswith("options."):
+        return name.removeprefix("options.") in dict(strategy.options)
+    if strategy.call and (name == "order" or name not in _OF_ALL):
+        return False
+    return name in _OF_ALL or any(_has_field(family, name) for family in strategy.waypoints)
+
+
+def _has_field(family: Any, key: str) -> bool:
+    from sweeps.spec.units import spec_fields
+
+    return key in spec_fields(type(family))
 
 
 def _si_name(section: str, key: str) -> str:
@@ -167,7 +218,7 @@ def with_strategy_value(strategy: Strategy, key: str, value: Any) -> Strategy:
     replaced."""
     from sweeps.spec.units import spec_fields
 
-    if key in ("closings", "order", "refit_every", *BUDGET_KEYS):
+    if key in _OF_ALL:
         return replace(strategy, **{key: value})
     if key.startswith("options."):
         option = key.removeprefix("options.")
@@ -175,5 +226,5 @@ def with_strategy_value(strategy: Strategy, key: str, value: Any) -> Strategy:
             (name, value if name == option else given) for name, given in strategy.options))
     return replace(strategy, waypoints=tuple(
         replace(family, **{spec_fields(type(family))[key].name: value})  # type: ignore
-        if key in spec_fields(type(family)) else family
+        if _has_field(family, key) else family
         for family in strategy.waypoints))
