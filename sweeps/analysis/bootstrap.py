@@ -47,8 +47,12 @@ def widened(means: np.ndarray, count: float) -> np.ndarray:
     that, and by Student's t over the normal quantile. It is linear, so differences of widened
     replicates are widened differences. The spread of one draw is unknown: NaN but for the data.
     """
-    return _spread(means, _student(count - 1) * np.sqrt(count / (count - 1)) if count > 1
-                   else np.nan)
+    return _spread(means, widening(count))
+
+
+def widening(count: float) -> float:
+    """How much farther from the data than they are replicates of so many draws belong."""
+    return _student(count - 1) * np.sqrt(count / (count - 1)) if count > 1 else np.nan
 
 
 def _student(freedom: float) -> float:

@@ -19,6 +19,7 @@ from sweeps.analysis.bootstrap import (
     episode_weights,
     object_weights,
     population,
+    widening,
 )
 from sweeps.analysis.entries import (
     Entry,
@@ -219,7 +220,8 @@ class Reach:
 def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
     """The median over episodes, every object weighing the same, with its interval.
 
-    There is no interval of one object's few episodes.
+    There is no interval of one object's few episodes; that of few objects is widened as they
+    deserve.
     """
     at = [np.array([_first(steps, bound_mm) for steps in found[entry]])
           for found in curves.steps[axis]]
@@ -240,6 +242,8 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
     low, high = np.full(2, np.nan)
     if curves.over == "like-these" or curves.draws >= FEW:
         low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
+    if curves.over == "like-these" and np.isfinite(medians[0]):  # times are skewed: on a log scale
+        low, high = (medians[0] * (end / medians[0]) ** widening(len(at)) for end in (low, high))
     return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
                  float(medians[0]), float(low), float(high))
 

@@ -31,6 +31,8 @@ HIGHER_IS_BETTER = ("iou", "coverage5mm", "recognized")
 METRICS = (*LOWER_IS_BETTER, *HIGHER_IS_BETTER)
 SCORES = ("chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "iou", "coverage5mm")
 """Metrics that the prior has, in columns of their own."""
+CHANCES = ("recognized", "failure_rate")
+"""Metrics that are 0 or 1 in an episode."""
 COSTS = ("touches", "robot_time_s", "arm_path_m")
 _TELLING = ("object.", "stereo.")
 """Tables whose keys change what is given, or on which objects."""

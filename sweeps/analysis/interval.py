@@ -11,6 +11,11 @@ Differences to the best are simultaneous: the best is chosen after the fact, so 
 one pair would claim too much. Their half width is that of a single pair times the ratio of the 95 %
 quantile of the largest of all studentized differences between as many equal entries to that of one
 (Tukey's studentized range, with a standard error for each pair). With two entries it is Student's.
+
+Outcomes that are 0 or 1 may all agree by chance, so that their variance says too little. Theirs is
+at least that with two more episodes of an object, one of each outcome (of a difference one each
+way; Agresti and Caffo 2000, Agresti and Min 2005), and the interval of a share is Wilson's (1927),
+of as many independent outcomes as have that variance (Korn and Graubard 1998).
 """
 
 from functools import lru_cache
@@ -23,6 +28,8 @@ LEVEL = 0.95
 _SKEWNESS = 0.8
 """Of objects' means, on a log scale where they are positive, and of their differences [est]:
 between strategies and sets of objects it varies from 0 to 2."""
+_NOTHING_KNOWN = np.log(100.0)
+"""Of a positive mean: an interval that would reach a hundred times farther says nothing."""
 _BATCH = 100
 _SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
 _FREEDOMS = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0, 30.0, 80.0, np.inf)
@@ -48,15 +55,18 @@ def small_sample_widening(objects: int) -> float:
 class ObjectMeans:
     """Means over objects, then episodes, of every entry, with what their intervals need.
 
-    Objects are added one at a time; of their episodes only sums are kept.
+    Objects are added one at a time; of their episodes only sums are kept. Values of `chances` are
+    outcomes that are 0 or 1, or means of such.
     """
 
-    def __init__(self, entries: int, seed: int) -> None:
-        self.entries, self.seed = entries, seed
+    def __init__(self, entries: int, seed: int, *, chances: bool = False) -> None:
+        self.entries, self.seed, self.chances = entries, seed, chances
         self.objects: list[np.ndarray] = []  # means on each, (entry,)
         self.single: np.ndarray = np.zeros((0, entries))  # the first object's episodes
         self._variance = np.zeros((entries + 1, entries))  # row 0 of values, then of differences
         self._square = np.zeros_like(self._variance)  # with what Satterthwaite's formula adds up
+        self._hidden = np.zeros_like(self._variance)  # of chances, beyond what episodes show
+        self._shrunk = np.zeros(entries)  # shares with an episode more of each outcome, added up
 
     def add(self, values: np.ndarray) -> None:
         """Takes in an object's episodes, (episode, entry), all finite; no episodes are no object.
@@ -75,6 +85,11 @@ class ObjectMeans:
         cov = np.einsum("ne,nf->ef", apart, apart) / max(count - 1, 1) / count
         own = np.diagonal(cov)
         part = np.concatenate([own[None], np.maximum(own[:, None] + own - 2.0 * cov, 0.0)])
+        if self.chances:
+            least = _least_variance(values)
+            self._hidden += np.maximum(least - (part if count > 1 else 0.0), 0.0)
+            self._shrunk += (values.sum(axis=0) + 1.0) / (count + 2.0)
+            part = np.maximum(part, least)
         self._variance += part if count > 1 else np.nan
         self._square += part**2 / max(count - 1, 1)
 
@@ -82,7 +97,11 @@ class ObjectMeans:
         """Each entry's mean with its own 95 % interval, within `bounds`."""
         mean = self._mean()
         error, freedom = self._error(over, None)
-        low, high = _ends(mean, students_t(freedom) * error, bounds)
+        if self.chances:
+            low, high = _share_ends(mean, error, students_t(freedom),
+                                    self._shrunk / max(len(self.objects), 1))
+        else:
+            low, high = _ends(mean, students_t(freedom) * error, bounds)
         return Estimate(mean, low, high)
 
     def differences(self, to: int, over: str, simultaneous: bool = True) -> Estimate:
@@ -108,12 +127,11 @@ class ObjectMeans:
 
     def _error(self, over: str, to: int | None) -> tuple[np.ndarray, np.ndarray]:
         """Standard errors of the means, or of differences `to` an entry, and degrees of freedom."""
-        count = len(self.objects)
+        count, row = len(self.objects), 0 if to is None else 1 + to
         unknown = np.full(self.entries, np.nan), np.full(self.entries, np.nan)
         if over == "these":
             if not count:
                 return unknown
-            row = 0 if to is None else 1 + to
             variance, square = self._variance[row], self._square[row]
             freedom = np.divide(variance**2, square, where=square > 0,
                                 out=np.full(self.entries, np.inf))
@@ -122,8 +140,31 @@ class ObjectMeans:
             return unknown
         means = np.array(self.objects)
         apart = means if to is None else means - means[:, [to]]
-        error = apart.std(axis=0, ddof=1) / np.sqrt(count)
-        return error * small_sample_widening(count), np.full(self.entries, count - 1.0)
+        error = apart.std(axis=0, ddof=1) / np.sqrt(count) * small_sample_widening(count)
+        return (np.sqrt(error**2 + self._hidden[row] / count**2),
+                np.full(self.entries, count - 1.0))
+
+
+def _least_variance(values: np.ndarray) -> np.ndarray:
+    """Variances of an object's mean outcomes (episode, entry), with an episode more of each: row 0
+    of the entries, then of their differences to each."""
+    count = len(values)
+    total, product = values.sum(axis=0), np.einsum("ne,nf->ef", values, values)
+    square = np.diagonal(product)
+    own = (square + 1.0) / (count + 2.0) - ((total + 1.0) / (count + 2.0)) ** 2
+    apart = ((square[:, None] + square - 2.0 * product + 1.0) / (count + 2.0)
+             - ((total[:, None] - total) / (count + 2.0)) ** 2)
+    np.fill_diagonal(apart, 0.0)
+    return np.concatenate([own[None], apart]) / count
+
+
+def _share_ends(share: np.ndarray, error: np.ndarray, quantile: np.ndarray, centre: np.ndarray
+                ) -> tuple[np.ndarray, np.ndarray]:
+    """Ends of Wilson's interval for as many outcomes as have that error, of shares by `centre`."""
+    square = quantile**2 * error**2 / (centre * (1.0 - centre))  # over their number
+    middle = (share + square / 2.0) / (1.0 + square)
+    half = np.sqrt(square * (share * (1.0 - share) + square / 4.0)) / (1.0 + square)
+    return np.maximum(middle - half, 0.0), np.minimum(middle + half, 1.0)
 
 
 def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
@@ -135,7 +176,8 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
     """
     low, high = bounds
     if low == 0.0 and high == np.inf:
-        factor = np.exp(np.divide(half, mean, where=mean > 0, out=np.zeros_like(mean)))
+        share = np.divide(half, mean, where=mean > 0, out=np.zeros_like(mean))
+        factor = np.exp(np.where(share > _NOTHING_KNOWN, np.nan, share))
         return mean / factor, mean * factor
     if (low, high) == (0.0, 1.0):
         inside = mean * (1.0 - mean)

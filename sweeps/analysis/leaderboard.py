@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from sweeps.analysis.entries import (
+    CHANCES,
     COSTS,
     HIGHER_IS_BETTER,
     METRICS,
@@ -121,7 +122,7 @@ class ReferenceMeans:
     def __init__(self, references: Sequence[Reference], entries: int, metric: str,
                  seed: int) -> None:
         self.references, self.entries, self.metric = references, entries, metric
-        self.means = ObjectMeans(entries + len(references), seed)
+        self.means = ObjectMeans(entries + len(references), seed, chances=metric in CHANCES)
 
     def add(self, values: np.ndarray, of_prior: np.ndarray | None) -> None:
         """An object's episodes of the entries and of their priors, (episode, entry) each."""
@@ -182,7 +183,8 @@ class _Ranking:
         self.entries, self.metric = entries, metric
         self.sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
         self.references = references
-        self.means = {name: ObjectMeans(len(entries), seed) for name in {metric, "iou"}}
+        self.means = {name: ObjectMeans(len(entries), seed, chances=name in CHANCES)
+                      for name in {metric, "iou"}}
         self.beside_prior = {name: ReferenceMeans(references, len(entries), name, seed)
                              for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}

@@ -7,6 +7,7 @@ import numpy as np
 
 from sweeps.analysis.bootstrap import REPLICATES, population, replicate_means
 from sweeps.analysis.entries import (
+    CHANCES,
     COSTS,
     HIGHER_IS_BETTER,
     Entry,
@@ -113,7 +114,7 @@ class Paired:
 
     def statistics(self, metric: str) -> ObjectMeans:
         """The means with intervals that need no replicates."""
-        found = ObjectMeans(len(self.entries), 0)
+        found = ObjectMeans(len(self.entries), 0, chances=metric in CHANCES)
         for values in self.values[metric]:
             found.add(values)
         return found

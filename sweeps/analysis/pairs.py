@@ -90,7 +90,8 @@ def objects_test(differences: np.ndarray) -> float:
 
 
 def episodes_test(differences: Sequence[np.ndarray]) -> float:
-    """A paired t-test stratified by object, two-sided; NaN where the spread is not known."""
+    """A paired t-test stratified by object, two-sided; NaN where the spread is not known. Where all
+    episodes of each object differ by the same it is the test by signs: so many heads in a row."""
     from scipy.stats import t
 
     groups = [group[np.isfinite(group)] for group in differences]
@@ -101,7 +102,7 @@ def episodes_test(differences: Sequence[np.ndarray]) -> float:
     parts = np.array([group.var(ddof=1) / len(group) for group in groups]) / len(groups) ** 2
     variance = float(parts.sum())
     if variance == 0.0:
-        return 1.0 if mean == 0.0 else 0.0
+        return 1.0 if mean == 0.0 else 2.0 ** (1 - sum(len(group) for group in groups if group[0]))
     freedom = variance**2 / sum(part**2 / (len(group) - 1)
                                 for part, group in zip(parts, groups, strict=True))
     return float(2.0 * t.sf(abs(mean) / np.sqrt(variance), freedom))
@@ -150,19 +151,22 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
     header = ("strategy", "other", f"{metric}_difference", "ci_low", "ci_high", "these_low",
               "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm",
               "paired_over_unpaired")
-    return TextTable(header, rows, (*paired.notes, *_power(known, len(pairs))))
+    return TextTable(header, rows, (
+        *paired.notes, *_power(known, len(pairs), fewer=against is None and len(pairs) > 1)))
 
 
 def _p(value: float) -> str:
     return "NA" if not np.isfinite(value) else f"{value:.3g}"
 
 
-def _power(objects: int, pairs: int) -> list[str]:
-    """What the signed-rank test cannot show, however clear the difference."""
+def _power(objects: int, pairs: int, fewer: bool) -> list[str]:
+    """What the signed-rank test cannot show, however clear the difference; `fewer` says whether
+    there could be fewer comparisons."""
     smallest = min(pairs * 2.0 ** (1 - objects), 1.0)
     if not pairs or smallest <= LEVEL:
         return []
     enough = int(np.ceil(1 + np.log2(pairs / LEVEL)))
-    return [f"with {objects} objects and {pairs} comparisons p_objects_holm cannot fall below "
-            f"{smallest:.2g}: a claim about other objects needs {enough} objects, or fewer "
-            "comparisons (--against best)"]
+    or_fewer = ", or fewer comparisons (--against best)" if fewer else ""
+    return [f"with {objects} objects and {pairs} comparison{'s' * (pairs != 1)} p_objects_holm "
+            f"cannot fall below {smallest:.2g}: a claim about other objects needs {enough} "
+            f"objects{or_fewer}"]

@@ -12,7 +12,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of, value_texts
+from sweeps.analysis.entries import (
+    CHANCES,
+    HIGHER_IS_BETTER,
+    LeaderboardError,
+    bounds_of,
+    value_texts,
+)
 from sweeps.analysis.interval import ObjectMeans
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.run.plan import Plan
@@ -62,7 +68,7 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
             points = np.array([paired.entries[n].points[place] for n in mine])
             for k, key in enumerate(axis.keys):
                 names, level = _levels([axis.values[point][k] for point in points])
-                of_levels = ObjectMeans(len(names), 0)
+                of_levels = ObjectMeans(len(names), 0, chances=metric in CHANCES)
                 for values in paired.values[metric]:
                     own = values[:, mine]
                     of_levels.add(np.stack([own[:, level == n].mean(axis=1)

@@ -5,7 +5,8 @@ the two means. The variance for *these* objects is that of episodes within each 
 Satterthwaite's degrees of freedom); for objects *like these* an object's mean difference is one
 observation, and intervals are widened as those of a leaderboard. There is an interval for every
 shared entry, and one for their mean; Student's quantile is that of so many comparisons
-(Bonferroni).
+(Bonferroni). Of outcomes that are 0 or 1 the variance is at least that with two more episodes of an
+object, as in a leaderboard.
 """
 
 from collections.abc import Iterator, Sequence
@@ -14,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sweeps.analysis.bootstrap import Estimate, population
-from sweeps.analysis.entries import entry_axes
+from sweeps.analysis.entries import CHANCES, entry_axes
 from sweeps.analysis.interval import small_sample_widening, students_t
 from sweeps.analysis.paired import (
     ObjectRows,
@@ -46,24 +47,35 @@ class Shift:
     """Units of shared entries that are not finished in A or B."""
 
 
+Sample = tuple[np.ndarray, np.ndarray, bool]
+"""Of independent episodes (episode, entry), the entries (entry,) that they tell of, and whether
+they are differences of two outcomes."""
+
+
 class Differences:
     """Sums over objects of differences, (entry + 1,), and of what their intervals need."""
 
-    def __init__(self) -> None:
+    def __init__(self, chances: bool = False) -> None:
+        self.chances = chances
         self.objects: list[np.ndarray] = []  # mean differences on each
         self._variance: np.ndarray | float = 0.0
         self._square: np.ndarray | float = 0.0  # with what Satterthwaite's formula adds up
+        self._hidden: np.ndarray | float = 0.0  # of chances, beyond what episodes show
 
-    def add(self, samples: Sequence[np.ndarray]) -> None:
-        """Takes in an object: independent samples (episode, entry) whose means add up to the
-        difference."""
+    def add(self, samples: Sequence[Sample]) -> None:
+        """Takes in an object: independent samples whose means add up to the difference."""
         total: np.ndarray | float = 0.0
-        for sample in samples:
+        for sample, used, differ in samples:
+            sample = sample * used
             values = np.column_stack([sample, sample.mean(axis=1)])
             count = len(values)
             total = total + values.mean(axis=0)
             part = values.var(axis=0, ddof=1) / count if count > 1 else np.full(
                 values.shape[1], np.nan)
+            if self.chances:
+                least = _least_variance(values, differ) * np.append(used, used.any())
+                self._hidden = self._hidden + np.maximum(least - np.nan_to_num(part), 0.0)
+                part = np.maximum(part, least)
             self._variance = self._variance + part
             self._square = self._square + part**2 / max(count - 1, 1)
         self.objects.append(np.asarray(total))
@@ -78,6 +90,7 @@ class Differences:
             freedom = np.divide(variance**2, square, where=square > 0, out=np.full(rows, np.inf))
         elif count > 1:
             error = means.std(axis=0, ddof=1) / np.sqrt(count) * small_sample_widening(count)
+            error = np.sqrt(error**2 + self._hidden / count**2)
             freedom = np.full(rows, count - 1.0)
         else:
             error = freedom = np.full(rows, np.nan)
@@ -86,12 +99,19 @@ class Differences:
         return Estimate(mean, mean - half, mean + half)
 
 
+def _least_variance(values: np.ndarray, differ: bool) -> np.ndarray:
+    """Of the means of outcomes, with an episode more of each; of differences, one each way."""
+    count, total = len(values) + 2.0, np.abs(values.sum(axis=0))
+    square = ((values**2).sum(axis=0) + 1.0) / count
+    return (square - ((total if differ else total + 1.0) / count) ** 2) / len(values)
+
+
 def measure_shift(one: Side, other: Side, shared: Shared, metric: str, over: str | None) -> Shift:
     """Reads the units of what two studies share, once; memory grows with one object's episodes.
 
     Where no object has episodes that are finished in both there are no objects, and NaN.
     """
-    found, missing = Differences(), 0
+    found, missing = Differences(metric in CHANCES), 0
     means: list[tuple[np.ndarray, np.ndarray]] = []
     episodes = np.zeros(2, int)
     paired = np.array([match.same_noise and shared.same_seed for match in shared.matches])
@@ -103,7 +123,8 @@ def measure_shift(one: Side, other: Side, shared: Shared, metric: str, over: str
         a, b = _values(mine, theirs, metric, shared.same_seed)
         if not (len(a) and len(b) and np.isfinite(a).all() and np.isfinite(b).all()):
             continue
-        found.add([(b - a) * paired, -a * ~paired, b * ~paired] if paired.any() else [-a, b])
+        found.add([(b - a, paired, True), (-a, ~paired, False), (b, ~paired, False)]
+                  if paired.any() else [(-a, ~paired, False), (b, ~paired, False)])
         means.append((a.mean(axis=0), b.mean(axis=0)))
         episodes += len(a), len(b)
     over = population(over, len(means))

@@ -8,8 +8,11 @@ import pytest
 from curved_episodes import lists, table_rows, unfinished_study, wide_study, wide_text
 from studies import plan_of
 
+from sweeps.analysis.bootstrap import object_weights
 from sweeps.analysis.curves import (
+    Curves,
     _completed,
+    _weights,
     curves_table,
     episode_steps,
     grid_of,
@@ -20,7 +23,7 @@ from sweeps.analysis.curves import (
     read_curves,
     same_time_table,
 )
-from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.entries import Entry, LeaderboardError
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.paired import Paired
 from sweeps.run.plan import Plan, Unit
@@ -153,6 +156,23 @@ def test_reach_by_hand(study: tuple[Plan, Store]) -> None:
     assert got.low <= got.median <= got.high
     assert len(reach_table(curves).rows) == 6
     assert {row["within_mm"] for row in table_rows(reach_table(curves))} == {"5", "3"}
+
+
+def test_reach_of_objects_like_these_holds_the_truth() -> None:
+    """Of few objects percentiles of replicates alone held in half of the studies."""
+    generator, held, trials = np.random.default_rng(3), 0, 60
+    for trial in range(trials):
+        at = [np.exp(3.0 + generator.normal(0.0, 0.5) + generator.normal(0.0, 0.3, 8))
+              for _ in range(4)]
+        episodes = [[(0, n) for n in range(8)] for _ in at]
+        curves = Curves((Entry(0, "one", {}),), tuple("abcd"),
+                        {"touches": [[[(np.array([t]), np.array([4.0])) for t in own]]
+                                     for own in at]}, [], episodes,
+                        _weights(trial, episodes, "like-these"), object_weights(trial, 4),
+                        "like-these", trial, ())
+        found = reach(curves, "touches", 0, 5.0)
+        held += bool(found.low <= np.exp(3.0) <= found.high)
+    assert held >= 0.87 * trials
 
 
 def test_errors_at_the_same_time_are_those_when_the_other_ended(

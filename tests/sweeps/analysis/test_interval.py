@@ -10,9 +10,9 @@ from sweeps.analysis.interval import ObjectMeans, critical_difference
 from sweeps.analysis.paired import failure_score, filled
 
 
-def means_of(data: np.ndarray) -> ObjectMeans:
+def means_of(data: np.ndarray, chances: bool = False) -> ObjectMeans:
     """The statistics of data [object, episode, entry]."""
-    found = ObjectMeans(data.shape[2], 3)
+    found = ObjectMeans(data.shape[2], 3, chances=chances)
     for values in data:
         found.add(values)
     return found
@@ -136,6 +136,54 @@ def test_shares_stay_between_zero_and_one() -> None:
         assert ((found.low >= 0) & (found.high <= 1)).all()
         assert found.low[:2].tolist() == found.high[:2].tolist() == [0.0, 1.0]
         assert found.low[2] < found.value[2] < found.high[2]
+
+
+@pytest.mark.parametrize(("share", "objects", "episodes"), [
+    (0.97, 6, 3), (0.97, 6, 1), (0.97, 20, 2), (0.9, 1, 8), (0.97, 1, 32), (0.5, 1, 2), (0.5, 3, 3),
+    (0.8, 6, 16)])
+def test_intervals_of_chances_hold_the_truth(share: float, objects: int, episodes: int) -> None:
+    """Where all episodes agree their variance is zero, and the interval was a point."""
+    generator, trials = np.random.default_rng(6), 300
+    held = {"these": 0, "like-these": 0}
+    for data in generator.random((trials, objects, episodes, 1)) < share:
+        for over in held:
+            found = means_of(data.astype(float), chances=True).values(over, (0.0, 1.0))
+            held[over] += bool(found.low[0] <= share <= found.high[0])
+            assert not ((found.low < 0.0) | (found.high > 1.0)).any()
+    known = [held[over] for over, count in (("these", episodes), ("like-these", objects))
+             if count > 1]
+    # Student's quantile of three objects falls short for outcomes as coarse as theirs.
+    assert min(known) >= (0.92 if objects != 3 else 0.86) * trials
+
+
+@pytest.mark.parametrize(("share", "objects", "episodes"), [
+    (0.5, 1, 2), (0.5, 3, 3), (0.97, 6, 16)])
+def test_entries_of_equal_chances_are_hardly_ever_told_apart(share: float, objects: int,
+                                                             episodes: int) -> None:
+    generator, trials = np.random.default_rng(7), 300
+    claims = 0
+    for data in generator.random((trials, objects, episodes, 4)) < share:
+        board = means_of(data.astype(float), chances=True)
+        best = int(board.values("these").value.argmax())
+        claims += any(bool(((apart.low > 0) | (apart.high < 0)).any()) for apart in (
+            board.differences(best, over) for over in ("these", "like-these")))
+    assert claims <= 0.05 * trials
+
+
+def test_many_outcomes_have_the_interval_of_any_means() -> None:
+    data = (np.random.default_rng(9).random((8, 400, 2)) < 0.6).astype(float)
+    for over in ("these", "like-these"):
+        plain, own = (means_of(data, chances).values(over) for chances in (False, True))
+        assert own.low == pytest.approx(plain.low, abs=2e-3)
+        assert own.high == pytest.approx(plain.high, abs=2e-3)
+
+
+def test_an_interval_without_end_is_none() -> None:
+    """Of two objects as unlike as these it reached from nanometres to kilometres."""
+    data = np.array([[[2.0], [2.1]], [[9.0], [9.1]]])
+    found = means_of(data).values("like-these", (0.0, np.inf))
+    assert np.isnan([found.low[0], found.high[0]]).all()
+    assert found.value[0] == pytest.approx(5.55)
 
 
 def test_one_episode_has_no_interval() -> None:

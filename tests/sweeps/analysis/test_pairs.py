@@ -59,6 +59,13 @@ def test_tests_on_one_object_are_those_of_scipy() -> None:
     assert objects_test(differences) == pytest.approx(min(1.0, 2 * (every <= observed).mean()))
 
 
+def test_differences_that_do_not_vary_are_tested_by_their_signs() -> None:
+    """Two episodes that happen to differ by the same are no proof."""
+    assert episodes_test([np.array([1.0, 1.0])]) == 0.5
+    assert episodes_test([np.full(4, -2.0), np.zeros(3), np.full(2, -1.0)]) == 2.0**-5
+    assert episodes_test([np.zeros(4)]) == 1.0
+
+
 def test_the_stratified_test_holds_its_level() -> None:
     """Objects of very different spread and a true difference of zero: p below 5 % is rare."""
     generator = np.random.default_rng(2)
@@ -66,7 +73,6 @@ def test_the_stratified_test_holds_its_level() -> None:
                       for _ in range(2000)])
     assert (found < 0.05).mean() == pytest.approx(0.05, abs=0.015)
     assert np.isnan(episodes_test([np.array([1.0])]))
-    assert episodes_test([np.full(4, 2.0)]) == 0.0
     assert objects_test(np.zeros(4)) == 1.0
 
 
@@ -103,6 +109,10 @@ def test_few_objects_are_told(tmp_path: Path) -> None:
                   curves_table(read_curves(plan, [store])),
                   confusion_table(read_confusion(plan, [store]))):
         assert "2 objects: below 6 nothing can be claimed" in " ".join(table.notes)
+    fewer = "or fewer comparisons (--against best)"
+    assert fewer not in " ".join(pairs_table(paired, "chamfer_mm", "best").notes)
+    assert (fewer in " ".join(pairs_table(paired, "chamfer_mm").notes)) == (
+        len(paired.entries) > 2)
 
 
 def test_the_worth_of_common_random_numbers_is_their_covariance() -> None:

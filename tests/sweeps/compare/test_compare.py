@@ -210,7 +210,7 @@ def test_intervals_are_t_tests_corrected_for_their_number(tmp_path: Path) -> Non
     apart = np.random.default_rng(1).normal(0.4, 1.0, (5, 12, 2))
     found = Differences()
     for values in apart:
-        found.add([values])
+        found.add([(values, np.ones(2, bool), True)])
     low, high = stats.ttest_1samp(apart.mean(axis=1)[:, 1], 0.0).confidence_interval(1 - 0.05 / 3)
     like = found.estimate("like-these")
     assert like.low[1] + like.high[1] == pytest.approx(low + high)
@@ -218,7 +218,7 @@ def test_intervals_are_t_tests_corrected_for_their_number(tmp_path: Path) -> Non
     for over in ("like-these", "these"):
         assert found.estimate(over).value[2] == pytest.approx(apart.mean())
     single = Differences()
-    single.add([apart[0, :, :1]])
+    single.add([(apart[0, :, :1], np.ones(1, bool), True)])
     low, high = stats.ttest_1samp(apart[0, :, 0], 0.0).confidence_interval(0.95)
     one = single.estimate("these")
     assert (one.low[0], one.high[0]) == pytest.approx((low, high))
@@ -234,10 +234,26 @@ def test_of_equal_studies_hardly_any_claims_a_difference(over: str) -> None:
         found = Differences()
         for own in generator.exponential(1.0, 6):
             one, other = own * generator.gamma(2.0, 0.5, (2, 16, 8))
-            found.add([other - one])
+            found.add([(other - one, np.ones(8, bool), True)])
         made = found.estimate(over)
         claims += bool(((made.low > 0) | (made.high < 0)).any())
     assert claims <= 0.05 * trials + 3 * np.sqrt(0.05 * 0.95 * trials)
+
+
+@pytest.mark.parametrize("paired", [True, False])
+def test_outcomes_that_happen_to_agree_do_not_say_that_nothing_changed(paired: bool) -> None:
+    generator, held, trials = np.random.default_rng(4), 0, 200
+    for _ in range(trials):
+        found = Differences(chances=True)
+        for _ in range(3):
+            one = generator.random((4, 1))
+            other = one if paired else generator.random((4, 1))
+            a, b = (one < 0.97).astype(float), (other < 0.87).astype(float)
+            both = np.ones(1, bool)
+            found.add([(b - a, both, True)] if paired else [(-a, both, False), (b, both, False)])
+        made = found.estimate("these")
+        held += bool(made.low[0] <= -0.1 <= made.high[0])
+    assert held >= 0.93 * trials
 
 
 def test_failing_counts_as_the_worst_of_both(
