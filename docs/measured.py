@@ -13,7 +13,8 @@ from the least to the greatest value. A whole table stands between
     <!--table studies.waypoints chamfer_mm:.2f iou:.2f-->
     <!--end-->
 
-with a row for each entry of a study, and the columns named. Sources:
+with a row for each entry of a study, and the columns named; between `<!--scores-->` and
+`<!--end-->` stand the largest differences of scores from a dense computation. Sources:
 
 | keys | file | written by |
 |---|---|---|
@@ -40,6 +41,8 @@ FIGURES = DOCS / "figures.json"
 ERRORS = DOCS / "fidelity" / "errors.md"
 FIGURE = re.compile(r"<!--=(\S+) (\S+?)-->(.*?)<!--=-->", re.DOTALL)
 TABLE = re.compile(r"(<!--table studies\.(\S+) ([^>]*?)-->\n)(.*?)(<!--end-->)", re.DOTALL)
+SCORES = re.compile(r"(<!--scores-->\n)(.*?)(<!--end-->)", re.DOTALL)
+SCORE_ROW = re.compile(r"(.+?)( as scanned)?: (.+), (standard|dense) samples, worst of")
 NAMED_BY = {"recovery": ("object", "contacts", "fit"), "faces": ("source", "size"),
             "bottles": ("bottle", "contour"), "stereo": ("switched_on",)}
 """Columns that name a row of the paper's tables."""
@@ -112,8 +115,28 @@ def filled(text: str, figures: dict[str, float]) -> str:
     """A page with every marked figure and table as it is in `figures`. Raises KeyError."""
     text = FIGURE.sub(lambda found: (f"<!--={found[1]} {found[2]}-->"
                                      f"{_written(found[1], found[2], figures)}<!--=-->"), text)
+    text = SCORES.sub(lambda found: f"{found[1]}{_scores()}{found[3]}", text)
     return TABLE.sub(lambda found: f"{found[1]}{_table(found[2], found[3].split())}{found[5]}",
                      text)
+
+
+def _scores() -> str:
+    """By how much scores of single bodies differ from a dense computation, at most."""
+    found: dict[tuple[str, str], dict[str, str]] = {}
+    for row in _rows(DOCS / "fidelity" / "validate.csv"):
+        if match := SCORE_ROW.match(row["what"]):
+            body, scan, score, samples = match.groups()
+            worst = re.match(r"worst ([\d.]+)%", row["note"])
+            if worst:
+                found.setdefault((f"{body}{', the scan itself' if scan else ''}", samples), {})[
+                    score] = f"{worst[1]} %" if float(worst[1]) else "< 0.1 %"
+    scores = ("chamfer", "iou", "volume ratio", "hausdorff95")
+    lines = ["| object | samples | `chamfer_mm` | `iou` | `volume_ratio` | `hausdorff95_mm` |",
+             "|---" * 6 + "|"]
+    lines += [f"| {body.replace('_', ' ')} | {samples} | "
+              + " | ".join(cells.get(score, "") for score in scores) + " |"
+              for (body, samples), cells in found.items()]
+    return "\n".join(lines) + "\n"
 
 
 def _written(key: str, form: str, figures: dict[str, float]) -> str:
