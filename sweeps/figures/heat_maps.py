@@ -50,30 +50,34 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
 
 
 def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
-    """A panel for each factor: rows are strategies, columns levels; each cell gives the mean."""
+    """A panel for each factor: rows are the strategies of which it says something, columns levels;
+    each cell gives the mean."""
     found = list(effects(plan, paired, metric))
     levels = {effect.factor: effect.levels for effect in found}
     factors = list(levels)
-    names = [strategy.name for strategy in plan.study.strategies]
-    tables = [np.array([effect.value for effect in found if effect.factor == factor])
-              for factor in factors]
-    around = np.array([paired.means[metric][0][[n for n, entry in enumerate(paired.entries)
-                                                if entry.strategy == k]].mean()
-                       for k in range(len(names))])
-    largest = max(max(np.nanmax(np.abs(table - around[:, None])) for table in tables), 1e-9)
+    mean = {strategy.name: paired.means[metric][0][[
+        n for n, entry in enumerate(paired.entries) if entry.strategy == k]].mean()
+        for k, strategy in enumerate(plan.study.strategies)}
+    rows = [[effect for effect in found if effect.factor == factor] for factor in factors]
+    tables = [np.array([effect.value for effect in row]) for row in rows]
+    around = [np.array([[mean[effect.strategy]] for effect in row]) for row in rows]
+    largest = max(1e-9, *(np.nanmax(np.abs(table - middle))
+                          for table, middle in zip(tables, around, strict=True)))
     digits = 1 if largest >= 1 else 2
     with drawing():
-        drawn = figure(len(factors) * (0.62 + 0.17 * len(names)) + 0.35)
-        panels = drawn.subplots(len(factors), 1, squeeze=False)[:, 0]
+        drawn = figure(len(factors) * 0.62 + 0.17 * sum(map(len, rows)) + 0.35)
+        panels = drawn.subplots(len(factors), 1, squeeze=False,
+                                height_ratios=[len(row) + 1 for row in rows])[:, 0]
         cells = None
-        for axes, factor, table in zip(panels, factors, tables, strict=True):
-            off = table - around[:, None]
-            text = [[number_text(value, digits) for value in row] for row in table]
+        for axes, factor, row, table, middle in zip(panels, factors, rows, tables, around,
+                                                    strict=True):
+            off = table - middle
+            text = [[number_text(value, digits) for value in values] for values in table]
             cells = _heat_map(axes, off, "PuOr_r", (-largest, largest), text,
                              abs(off) > 0.65 * largest)
             axes.set_xticks(range(table.shape[1]), [
                 level.replace(" to ", "\nto ") for level in levels[factor]])
-            axes.set_yticks(range(len(names)), [cut(name, 22) for name in names])
+            axes.set_yticks(range(len(row)), [cut(effect.strategy, 22) for effect in row])
             axes.set_xlabel(factor)
         assert cells is not None
         bar: Any = drawn.colorbar(cells, ax=list(panels), fraction=0.04,

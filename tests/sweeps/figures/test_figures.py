@@ -100,6 +100,22 @@ def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
 
 
+def test_a_factor_shows_the_strategies_that_it_says_something_of(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4, """
+[[strategy]]
+name = "crossed"
+order = ["planar"]
+[sweep.grid]
+"planar.step_mm" = [6, 9]
+"sensors.tendon_threshold_N" = [3, 6, 12]
+"""))
+    drawn = KINDS["settings"](Asked(plan, [store]))
+    looks_right(drawn)
+    shown = [[text.get_text() for text in axes.get_yticklabels()] for axes in drawn.axes[:2]]
+    assert shown[0] == ["crossed"]
+    assert len(shown[1]) == 3
+
+
 @pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
 def test_the_same_study_gives_the_same_bytes(
         study: tuple[Plan, Store], tmp_path: Path, ending: str) -> None:
