@@ -54,7 +54,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     each cell gives the mean."""
     found = list(effects(plan, paired, metric))
     levels = {effect.factor: effect.levels for effect in found}
-    factors = list(levels)
+    factors = [key for axis in plan.study.axes for key in axis.keys if key in levels]
     mean = {strategy.name: paired.means[metric][0][[
         n for n, entry in enumerate(paired.entries) if entry.strategy == k]].mean()
         for k, strategy in enumerate(plan.study.strategies)}
