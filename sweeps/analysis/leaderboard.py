@@ -15,6 +15,7 @@ value has no rank (empty).
 see `interval`. Differences to the best hold for all entries at once.
 """
 
+import hashlib
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -54,6 +55,8 @@ __all__ = ["METRICS", "Leaderboard", "LeaderboardError", "make_leaderboard"]
 Leaderboard = TextTable
 PLAIN = {"recognized": 4, "touches": 2, "robot_time_s": 2, "failure_rate": 4, "contacts": 2}
 """Columns without an interval, and their digits."""
+_DOINGS = ("iou", "touches", "robot_time_s", "contacts")
+"""Columns by which two entries are told to do the same."""
 FEW_CONTACTS = 8.0
 """Contacts of an episode, in the mean, below which hardly any fit is possible."""
 ROUNDING = 1e-9
@@ -191,6 +194,7 @@ class _Ranking:
         self.objects = self.episodes = 0
         self.distinct = 0  # episodes, an episode at many points of an axis counted once
         self.lost: list[str] = []  # objects on which no episode has a value
+        self.did: list[bytes] = [b""] * len(entries)  # a digest of all that each entry did
 
     def add(self, found: ObjectRows) -> None:
         """Takes in an object's rows; one on which no episode has a value does not count."""
@@ -201,6 +205,9 @@ class _Ranking:
                 found.values[column], found.episodes))
         for name, of_objects in self.plain.items():
             of_objects.append(found.plain(name))
+        for n, before in enumerate(self.did):
+            self.did[n] = hashlib.sha256(before + b"".join(
+                found.values[name][:, n].tobytes() for name in _DOINGS)).digest()
         values = found.filled(self.metric)
         if not np.isfinite(values).all():
             self.lost.append(found.name)
@@ -281,6 +288,15 @@ class _Ranking:
                     f"against {value[beside.entries + number]:.2f}{by}{sure}")))
         return [line for _, line in sorted(lines)]
 
+    def alike(self) -> Iterator[str]:
+        """Entries that touched, and did the same as another one in every episode."""
+        first: dict[bytes, str] = {}
+        touches = np.nan_to_num(_mean(self.plain["touches"], len(self.entries)))
+        for entry, did, made in zip(self.entries, self.did, touches, strict=True):
+            if made > 0.0 and (other := first.setdefault(did, entry.label)) != entry.label:
+                yield (f"{entry.label} did the same as {other} in every episode: what differs "
+                       "between them changes nothing here")
+
     def rarely_touching(self) -> Iterator[tuple[str, float]]:
         """Entries with few contacts, and how many they have in the mean."""
         contacts = _mean(self.plain["contacts"], len(self.entries))
@@ -319,6 +335,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
             f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
             for name, mean in ranking.rarely_touching()])
         notes += _few([line + where for line in ranking.worse_than_prior()])
+        notes += _few([line + where for line in ranking.alike()])
     notes += _few(faults.untouched())
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))
 

@@ -1,6 +1,7 @@
 import csv
 import io
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -17,6 +18,7 @@ from sweeps.analysis.pairs import pairs_table
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
+from warpgrasp.parameters import SensorTable
 
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
            "delta_ci_low,delta_ci_high,p_best,iou,iou_ci_low,iou_ci_high,recognized,touches,"
@@ -223,3 +225,20 @@ def test_notes_say_of_how_many_episodes_they_are() -> None:
         "contacts": np.array([3, 4, 0, 5]), "object": np.array(["block"] * 4)})
     assert faults.notes() == ["strategy ring6 failed: no such path", "strategy ring6: 2 of 4 "
                               "episodes have a note; the first: 4 of 5 stops"]
+
+
+def test_entries_that_did_the_same_are_told(tmp_path: Path) -> None:
+    """As where hands are compared, and a swept threshold is one of another hand."""
+    @fake_episodes.cell_by_cell
+    def one_does_not_read_it(cell: Cell, episodes: np.ndarray, device: str
+                             ) -> dict[str, np.ndarray]:
+        read = cell if cell.strategy.name == "mine" else replace(cell, sensors=SensorTable())
+        rows = fake_episodes.rows_of(read, episodes)
+        return {**rows, "touches": rows["touches"] + round(read.sensors.tendon_threshold_N)}
+
+    plan = plan_of(tmp_path, SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 5, 7]\n')
+    notes = make_leaderboard(plan, [fill(tmp_path, plan, one_does_not_read_it)]).notes
+    assert [note for note in notes if "did the same" in note] == [
+        f"ring6 [sensors.tendon_threshold_N={n}] did the same as ring6 "
+        "[sensors.tendon_threshold_N=3] in every episode: what differs between them changes "
+        "nothing here" for n in (5, 7)]
