@@ -21,6 +21,7 @@ from sweeps.spec.checks import (
 )
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.objects import NoFile, named_file
+from sweeps.spec.search import with_ends
 from sweeps.spec.study import HAND_KEY, Study
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.parameters import UTAH_MIT, HandTable
@@ -47,6 +48,8 @@ _CLOSED_BY = ("hand.kind", "hand.link_density_kg_m3", "contact.weight", "contact
 _WEIGHED = ("hand.joint_stiffness_Nm_rad", "hand.link_density_kg_m3", "hand.link_length_mm",
             "hand.link_radius_mm", "hand.abduction_offset_mm", "hand.kind", "contact.weight")
 """Keys by which the Utah-MIT hand's fingers hang."""
+_BUILT = ("hand.finger_spacing_mm", "hand.palm_gap_mm", "hand.link_radius_mm", "hand.kind")
+"""Keys by which they stand beside one another."""
 
 
 def spelled_out(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -98,9 +101,18 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
     if UTAH_MIT in hands:
-        note_misfit(study, _WEIGHED, _hangs, ("hand",), problems)
+        for keys, misfit in ((_BUILT, _overlaps), (_WEIGHED, _hangs)):
+            note_misfit(with_ends(study, keys), keys, misfit, ("hand",), problems)
     if hands != {UTAH_MIT} and closes_fingers(study):
         note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
+
+
+def _overlaps(tables: Mapping[str, Any]) -> str:
+    """Why fingers of the Utah-MIT hand lie in one another."""
+    from warpgrasp.mechanism.utah_mit_weight import overlap_misfit
+
+    hand = tables["hand"]
+    return overlap_misfit(hand) if hand.kind == UTAH_MIT else ""
 
 
 def _hangs(tables: Mapping[str, Any]) -> str:

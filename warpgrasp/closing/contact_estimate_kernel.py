@@ -98,15 +98,33 @@ def force_gain_at(square: vec3, along: vec2, share: real, least: real):
 
 
 @wp.func
+def _peak(square: vec3, along: vec2):
+    """Where along the link the derivative of along^2 / square vanishes; 0 if nowhere between."""
+    top = along[0] * square[1] - real(2.0) * along[1] * square[0]
+    bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
+    if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
+        return top / bottom
+    return ZERO
+
+
+@wp.func
 def most_force_gain(square: vec3, along: vec2, least: real):
     """The largest gain of any place along the link."""
     most = wp.max(force_gain_at(square, along, ZERO, least),
                   force_gain_at(square, along, ONE, least))
-    # Where the derivative of along^2 / square vanishes.
-    top = along[0] * square[1] - real(2.0) * along[1] * square[0]
-    bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
-    if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
-        most = wp.max(most, force_gain_at(square, along, top / bottom, least))
+    return wp.max(most, force_gain_at(square, along, _peak(square, along), least))
+
+
+@wp.func
+def _most_placed_gain(square: vec3, along: vec2, least: real):
+    """The largest gain of the grid's places along the link: those at its ends, or next to the peak,
+    of which one may be a force that turns no joint."""
+    most = wp.max(force_gain_at(square, along, HALF * _STEP, least),
+                  force_gain_at(square, along, ONE - HALF * _STEP, least))
+    first = int(wp.floor(_peak(square, along) / _STEP - HALF)) - 1
+    for i in range(4):
+        share = (real(wp.clamp(first + i, 0, _ALONG - 1)) + HALF) * _STEP
+        most = wp.max(most, force_gain_at(square, along, share, least))
     return most
 
 
@@ -256,10 +274,14 @@ def estimate_kernel(
     post = _Posterior()
     # First the largest likelihood of all places, then the places that come close to it.
     most = real(0.0)
+    placed = real(0.0)
     line_most = _lines_vec()
     leans = wp.where(hand.friction > ZERO, _LEANS, 1)
     arm = wp.where(hand.friction > ZERO, r, ZERO)
     for turn in range(2):
+        if turn == 1 and placed < most - HALF * _DEEPEST:
+            # A huge force hardly beside a joint, which no place of the grid has, explains far more.
+            most = placed
         for k in range(_AROUND):
             side = f.side * real(AROUND_SIN[k])
             for link in range(3):
@@ -293,6 +315,7 @@ def estimate_kernel(
                         if turn == 0:
                             line_most[line] = wp.max(line_most[line], lean_most)
                             most = wp.max(most, lean_most)
+                            placed = wp.max(placed, _most_placed_gain(square, product, _TINY))
                         elif lean_most >= most - _DEEPEST:
                             sums = vec3(ZERO, ZERO, ZERO)
                             best = real(-1.0)
@@ -325,6 +348,7 @@ def estimate_kernel(
                             if turn == 0:
                                 line_most[line] = wp.max(line_most[line], gain)
                                 most = wp.max(most, gain)
+                                placed = wp.max(placed, gain)
                             elif gain >= most - _DEEPEST:
                                 weight = cell * wp.exp((gain - most) * HALF)
                                 post = _gathered(post, f.p4 + tip_out * r, u, tip_out,

@@ -15,5 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "tendon": ["tendon_sensor_of"],
     "touch_postures": ["ExtendedFinger", "OpposedPair", "utah_mit_extended", "utah_mit_opposed"],
     "utah_mit_hand": ["FINGER_COUNT", "LINK_COUNT", "hand_links", "hand_of"],
-    "utah_mit_weight": ["GRAVITY_M_S2", "weight_misfit"],
+    "utah_mit_weight": ["GRAVITY_M_S2", "overlap_misfit", "weight_askew",
+        "weight_misfit"],
 })

@@ -17,6 +17,7 @@ from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
 from warpgrasp.mechanism.utah_mit_weight import (
     link_weights,
+    overlap_misfit,
     weight_askew,
     weight_bounds,
     weight_misfit,
@@ -30,9 +31,9 @@ LINK_COUNT = 3  # proximal, middle, distal
 @lru_cache(maxsize=32)
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`. Raises
-    ValueError for what `weight_misfit` says."""
+    ValueError for what `overlap_misfit` or `weight_misfit` says."""
     contact = contact or ContactTable()
-    if wrong := weight_misfit(table, contact):
+    if wrong := overlap_misfit(table) or weight_misfit(table, contact):
         raise ValueError(wrong)
     hand = Hand()
     hand.abduction_offset = table.abduction_offset_m

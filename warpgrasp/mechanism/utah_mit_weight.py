@@ -1,4 +1,5 @@
-"""Utah-MIT hand: what its links weigh, and how far that turns its fingers from their commands."""
+"""Utah-MIT hand: what its links weigh, how far that turns its fingers from their commands,
+and which hands are refused."""
 
 import numpy as np
 
@@ -22,6 +23,19 @@ def weight_askew(table: HandTable) -> float:
     """The most that weight turns all joints of a finger by together [rad], or a little more."""
     turn = weight_bounds(table, link_weights(table))[0].sum() / table.joint_stiffness_Nm_rad
     return max(_LEAST_ASKEW, float(turn))
+
+
+def overlap_misfit(table: HandTable) -> str:
+    """Why straight fingers lie in one another; empty where they do not."""
+    thick = 2.0 * table.link_radius_m
+    for apart, what, key in (
+            (table.finger_spacing_m, "neighbouring fingers", "finger_spacing_mm"),
+            (table.palm_gap_m, "fingers and thumb", "palm_gap_mm")):
+        if thick > apart:
+            return (f"links of {table.link_radius_m * 1e3:g} mm radius overlap where {what} stand "
+                    f"{apart * 1e3:g} mm apart; {key} should be {thick * 1e3:g} at least, or "
+                    f"link_radius_mm {apart * 5e2:g} at most")
+    return ""
 
 
 def weight_misfit(table: HandTable, contact: ContactTable) -> str:

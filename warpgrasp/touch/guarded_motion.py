@@ -90,7 +90,7 @@ def _robot(
     return _LineRobot(
         line_kernel, {"true_hands": "world? 4", "true_pads": "world? 4", "commands": "4 step 4"}, {
             **arms, "hand": hand_of(hand), "pad": pad_of(pads, hand),
-            "turns": pad_turns(pads, hand, device),
+            "turns": pad_turns(pads, true_hand, device),
             "true_hands": true_hands(true_hand, contact, errors, device),
             "true_pads": true_pads(pads, true_hand, errors, device)},
         reach, 4, np.arange(LINK_COUNT))

@@ -18,13 +18,14 @@ def refusals(folder: Path, text: str) -> list[str]:
     return [str(problem) for problem in caught.value.problems]
 
 
+WIDE = "[hand]\nfinger_spacing_mm = 45\nlink_density_kg_m3 = 100\n"
 PADS = [
-    ("[hand]\nlink_radius_mm = 20\n", "spec.toml:12: hand.link_radius_mm: pad of 25.4 mm does not "
+    (WIDE + "link_radius_mm = 20\n", "spec.toml:14: hand.link_radius_mm: pad of 25.4 mm does not "
      "fit link 2 of 28 mm; should be 29.3 to 57.3 mm long"),
     ("[pads]\nmiddle = true\nlength_mm = 35\n", "spec.toml:13: pads.length_mm: pad of 35 mm does "
      "not fit link 1 of 33 mm; should be 0 to 33 mm long"),
-    ('[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
-     '"pads.wrap_deg" = [10, 80]\n', "spec.toml:11: sweep: with hand.link_radius_mm = 20, "
+    (WIDE + '[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
+     '"pads.wrap_deg" = [10, 80]\n', "spec.toml:14: sweep: with hand.link_radius_mm = 20, "
      "pads.wrap_deg = 80: pad of 25.4 mm does not fit link 2"),
     ("[pads]\nrest_ohm = 500\n", "spec.toml:12: pads.rest_ohm: pad of 1000 ohm under load"),
     ("[pads]\nfloor_N = 5\n", "spec.toml:12: pads.floor_N: taxels feel from 5 N on"),

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+from sweeps.analysis.sensitivity import sensitivity_spec
 from sweeps.run.plan import canonical_study, cell_hash, plan_study, study_of
 from sweeps.spec.errors import SpecError
 from sweeps.spec.reader import read_spec
@@ -216,3 +217,29 @@ def test_fingers_that_hang_too_far_are_told(tmp_path: Path) -> None:
     swept = '[sweep.grid]\n"hand.link_density_kg_m3" = [1000, 20000]\n'
     assert "with hand.link_density_kg_m3 = 20000: the fingers' own" in told(
         tmp_path, text.format(2.0) + swept)
+
+
+def test_fingers_that_overlap_as_they_are_built_are_told(tmp_path: Path) -> None:
+    """Straight fingers lie in one another where they stand nearer than a link is thick."""
+    text = HEAD + RING
+    close = text + "[hand]\nlink_radius_mm = {}\n{} = {}\n"
+    for radius, key, apart in ((8, "finger_spacing_mm", 14), (8, "finger_spacing_mm", 0),
+                               (10.2, "palm_gap_mm", 20)):
+        said = told(tmp_path, close.format(radius, key, apart))
+        assert f":7: hand.{key}: links of {radius} mm radius overlap" in said
+        assert f"{key} should be {2 * radius:g} at least, or link_radius_mm {apart / 2:g}" in said
+    read(tmp_path, close.format(9, "finger_spacing_mm", 18))
+    read(tmp_path, close.format(10, "palm_gap_mm", 20))
+    for axes, where in (('[sweep.grid]\n"hand.finger_spacing_mm" = [20, 28]\n'
+                         '"hand.link_radius_mm" = [8, 12]\n', ":5: sweep: "),
+                        ('[search]\n"hand.finger_spacing_mm" = {low = 20, high = 28}\n'
+                         '"hand.link_radius_mm" = {low = 8, high = 12}\n', ":5: search: ")):
+        said = told(tmp_path, text + axes)
+        assert "with hand.finger_spacing_mm = 20" in said
+        assert "hand.link_radius_mm = 12" in said
+        assert where in said
+
+
+def test_the_estimates_of_a_hand_may_be_varied(tmp_path: Path) -> None:
+    """No end of a bracket of `warpgrasp sensitivity` is refused."""
+    read(tmp_path, sensitivity_spec())

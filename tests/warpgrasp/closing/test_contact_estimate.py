@@ -1,8 +1,13 @@
 """Believed contacts: torques alone find link and place where the geometry lets them."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from warpgrasp.closing.closing import Closing
+from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
@@ -66,3 +71,43 @@ def test_covariances_are_symmetric_positive_and_unfelt_fingers_have_none() -> No
     assert np.allclose(c, np.swapaxes(c, -1, -2))
     assert (np.linalg.eigvalsh(c) > 0).all()
     assert np.isnan(grasps.estimate.point_m[~felt]).all()
+
+
+def readings(count: int, sensors: SensorTable) -> tuple[Closing, np.ndarray, np.ndarray]:
+    """Hands that feel any torques, the bases of half of their fingers at a stop."""
+    rng, hand = np.random.default_rng(1), HandTable()
+    dims = (count, 1, 1, 4)
+    q = rng.uniform(0.2, 1.2, (*dims, 4))
+    q[..., 0] = rng.uniform(-0.3, 0.3, dims)
+    q[::2, ..., 1] = hand.flexion_low_rad[0]
+    half = rng.uniform(-0.15, 0.15, q.shape) / np.array(hand.moment_arm_m)
+    closing = replace(
+        grasp_lightbulb(sensors, worlds=1)[0].closing, status=np.full(dims, ProbeStatus.CONTACT),
+        q_rad=q, tension_N=30.0 + np.stack([half, -half], -1), step=np.zeros(dims, int))
+    pose = np.tile([0.0, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0], (count, 1, 1))
+    return closing, pose, np.zeros((1, 4, 2, 4))
+
+
+@pytest.mark.parametrize("sensors", [SensorTable(), quiet("intrinsic")], ids=["noise", "quiet"])
+def test_every_contact_has_a_place_that_hardly_depends_on_hardly_any_friction(
+    sensors: SensorTable
+) -> None:
+    """A huge force that turns no joint but for rounding, or by friction of its own, explains
+    torques: it does not leave out all places."""
+    closing, pose, commands = readings(500, sensors)
+
+    def felt(friction: float) -> ContactEstimate:
+        return estimate_contacts(closing, pose, commands, ArmTable(), HandTable(), sensors,
+                                 errors=ErrorTable(), contact=ContactTable(friction=friction))
+
+    smooth = felt(0.0)
+    for friction in (0.0, 1e-9, 1e-7, 1e-5, 1e-3, 0.5):
+        rough = felt(friction)
+        assert np.isfinite(rough.point_m).all()
+        assert np.isfinite(rough.covariance_m2).all()
+        np.testing.assert_allclose(rough.link_weight.sum(-1), 1.0, rtol=1e-12)
+        if friction <= 1e-5:
+            off = np.linalg.norm(rough.point_m - smooth.point_m, axis=-1)
+            sigma = np.sqrt(np.trace(rough.covariance_m2, axis1=-2, axis2=-1))
+            assert (off < 0.3 * sigma).all()
+            assert np.median(off) < 1e-6

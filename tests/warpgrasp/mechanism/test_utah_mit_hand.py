@@ -1,11 +1,14 @@
 """Hand: straight fingers, the sense of flexion, lengths that never change."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.mechanism.utah_mit_hand import hand_links
+from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
 from warpgrasp.parameters import HandTable
 
 HAND = HandTable()
@@ -47,3 +50,15 @@ def test_links_keep_their_length_and_move_rigidly(q: list, x: float, turn: float
     moved, _ = hand_links(HAND, np.array([[x, 0.1, 0, *rotation.as_quat()]]), joints)
     assert np.allclose(moved[0], rotation.apply(still.reshape(-1, 3)).reshape(4, 5, 3)
                        + [x, 0.1, 0], atol=1e-12)
+
+
+@pytest.mark.parametrize("key", ["finger_spacing_m", "palm_gap_m"])
+def test_fingers_that_lie_in_one_another_are_refused(key: str) -> None:
+    """Their straight links, by the places of their axes, are as far apart as they are thick."""
+    least = replace(HAND, link_radius_m=0.011, **{key: 0.022})
+    points, _ = hand_links(least, HOME, np.zeros((1, 4, 4)))
+    base = points[0, :, 0]
+    apart = np.linalg.norm(base[:, None] - base, axis=-1)[np.triu_indices(4, 1)]
+    assert np.isclose(apart.min(), 2 * least.link_radius_m)
+    with pytest.raises(ValueError, match=f"overlap where .* apart; {key}m should be 22 at least"):
+        hand_of(replace(least, **{key: 0.0215}))

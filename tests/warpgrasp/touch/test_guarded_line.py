@@ -21,6 +21,7 @@ from warpgrasp.parameters import (
     HandTable,
     PadTable,
     SensorTable,
+    TrueTables,
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
@@ -127,6 +128,30 @@ def test_the_load_is_that_of_all_taxels(name: str) -> None:
                       q).force_N[:, 0].sum((2, 3)).max(1)
     assert (every > 0.05).mean() > 0.8
     np.testing.assert_allclose(line.force_N, every, rtol=1e-9, atol=1e-12)
+
+
+@pytest.mark.parametrize("radius", [0.006, 0.010])
+def test_what_the_finger_truly_does_is_not_what_is_believed(radius: float) -> None:
+    """The same hand moves and feels the same, whatever radius its robot takes its links to have."""
+    n = 6
+    truth = Truth(np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (n, 1)))
+    start = np.tile([0.37, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (n, 1))
+    start[:, 2] = np.linspace(0.165, 0.177, n)
+    commands = np.radians(np.full((4, 1, 4), 90.0))
+    commands[:, 0, 0], commands[1, 0, 1:] = 0.0, np.radians(20.0)
+    touches = []
+    for believed in (HandTable(), HandTable(link_radius_m=radius)):
+        robot = Robot([body_from_name("lightbulb")], np.zeros(1, int), truth,
+                      np.arange(n, dtype=np.uint64), ArmTable(), believed, EXACT, pads=QUIET,
+                      true=TrueTables(HandTable(), EXACT, ErrorTable()))
+        touches.append(robot.guarded_line(np.arange(n), start, np.tile(INWARD, (n, 1)),
+                                          interval_m=5e-4, steps=120, finger=1,
+                                          commands_rad=commands))
+    assert (touches[0].status == ProbeStatus.CONTACT).all()
+    for name in ("status", "steps", "taxel_peak", "image", "q_rad"):
+        np.testing.assert_array_equal(getattr(touches[0], name), getattr(touches[1], name))
+    for name in ("q_rad", "point_m", "normal", "force_N", "hand_pose"):
+        np.testing.assert_array_equal(getattr(truth.lines[0], name), getattr(truth.lines[1], name))
 
 
 def test_servo_torques_balance_the_pad() -> None:
