@@ -111,15 +111,15 @@ class _Run:
         """As many as there is work for, which in a run decided in steps may come later."""
         if not self.draining:
             for number in range(len(self.slots), self.work.at_least(self.options.workers)):
-                self.slots.append(self._start_worker(number + 1))
+                self.slots.append(self._start_worker(number + 1, first=True))
 
-    def _start_worker(self, number: int) -> _Slot:
+    def _start_worker(self, number: int, first: bool = False) -> _Slot:
         context = get_context("spawn")
         mine, theirs = context.Pipe()
         index, count = self.options.shard
         log = self.work.store.logs / f"worker-{number}-shard-{index}-of-{count}.log"
         process = context.Process(
-            target=work, args=(theirs, self.options.function, self.options.device, log),
+            target=work, args=(theirs, self.options.function, self.options.device, log, first),
             name=f"warpgrasp worker {number}", daemon=True)
         with as_a_worker():
             process.start()

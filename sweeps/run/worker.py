@@ -29,7 +29,7 @@ import numpy as np
 from sweeps.run.changed_files import ChangedFilesError, check_files
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, write_files
-from sweeps.spec.cell import Cell
+from sweeps.spec.cell import Cell, own_code
 
 RunCells = Callable[[Sequence[tuple[Cell, np.ndarray]], str], list[Columns]]
 """Rows of each of some cells, of the episodes named with it; on a device."""
@@ -61,12 +61,16 @@ class Report:
     unit: str = ""
 
 
-def work(pipe: Connection, function: str, device: str, log: Path) -> None:
-    """The life of a worker: report ready, then a batch at a time until the pipe closes."""
+def work(pipe: Connection, function: str, device: str, log: Path, first: bool) -> None:
+    """The life of a worker: report ready, then a batch at a time until the pipe closes.
+
+    Only the `first` of its number in a run begins its log anew: a worker that takes the place of
+    another keeps what that one's planners printed.
+    """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
     os.setpgrp()  # so that what a planner starts can be ended with its worker
     os.register_at_fork(after_in_child=lambda: _leave_to(pipe))
-    _redirect_output(log)
+    _redirect_output(log, first)
     if device == "cpu":
         _limit_memory()
     threading.Thread(target=_die_with_parent, daemon=True).start()
@@ -80,6 +84,7 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
     gc.enable()
     programs = sys.modules.get("fit.optimize.program_cache")  # only where the episodes need it
     pipe.send(Report("ready", "warm" if programs and programs.has_cached_programs() else ""))
+    said = ""  # the strategy that the log names last
     while True:
         try:
             task = pipe.recv()
@@ -88,6 +93,9 @@ def work(pipe: Connection, function: str, device: str, log: Path) -> None:
         if task is None:
             return
         units, paths = task
+        if own_code(units[0].cell) and units[0].cell.strategy.name != said:
+            said = units[0].cell.strategy.name
+            print(f"strategy {said}:")
         for report in _run_batch(run_cells, units, paths, device):
             pipe.send(report)
 
@@ -154,10 +162,11 @@ def _run_batch(run_cells: RunCells, units: Sequence[Unit], paths: Sequence[Path]
         yield Report("error", traceback.format_exc())
 
 
-def _redirect_output(log: Path) -> None:
+def _redirect_output(log: Path, first: bool) -> None:
     """Sends what libraries print to the worker's log; results on stdout stay clean."""
     try:
-        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND, 0o644)
+        anew = os.O_TRUNC if first else 0
+        descriptor = os.open(log, os.O_WRONLY | os.O_CREAT | anew | os.O_APPEND, 0o644)
     except OSError:
         descriptor = os.open(os.devnull, os.O_WRONLY)
     os.dup2(descriptor, 1)

@@ -105,6 +105,18 @@ def test_a_printing_planner_leaves_a_short_log(
     assert sum(file.stat().st_size for file in (tmp_path / "out/logs").iterdir()) < 2 << 20
 
 
+def test_what_each_planner_prints_is_kept(tmp_path: Path) -> None:
+    """Each has a process of its own; each used to begin the one log anew."""
+    file = tmp_path / "out/logs/worker-1-shard-1-of-1.log"
+    file.parent.mkdir(parents=True)
+    file.write_text("of an earlier run")
+    run_with(tmp_path, ["print('hello', flush=True)", "pass", "print('bye', flush=True)"])
+    said = file.read_text()
+    assert said.index("strategy p0:") < said.index("hello") < said.index("strategy p2:")
+    assert "bye" in said[said.index("strategy p2:"):]
+    assert "earlier" not in said
+
+
 def test_deaths_at_the_start_are_counted_in_a_row(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three in a long run used to end it; here every other start is one."""
