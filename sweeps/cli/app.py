@@ -19,6 +19,7 @@ app = App(name="warpgrasp", help="Batched simulation of robots that learn shape 
           version=_version, version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 Json = Annotated[bool, Parameter(negative="")]
+Force = Annotated[bool, Parameter(negative="")]
 Settings = Annotated[list[str] | None, Parameter(name="--set", negative="")]
 
 
@@ -36,6 +37,14 @@ def folders_and_kind(words: Sequence[str | Path], kinds: Iterable[str]) -> tuple
     if len(words) < 2:
         raise UsageError("DIR: is missing; name the directory of a study before the kind")
     return [Path(word) for word in words[:-1]], kind
+
+
+def refuse_existing(file: Path, force: bool) -> None:
+    """Refuses to write over a file of the user's, unless that is asked for."""
+    if file.exists() and not force:
+        from sweeps.spec.errors import StoreError
+
+        raise StoreError(f"{file}: exists already; choose another name, or use --force")
 
 
 def count_of(value: int, name: str) -> int:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, UsageError, app
+from sweeps.cli.app import Force, Json, UsageError, app, refuse_existing
 
 
 @app.command
@@ -39,7 +39,7 @@ def arms(*files: Path, json: Json = False) -> int:
 
 @app.command
 def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
-        flange: str | None = None) -> int:
+        flange: str | None = None, force: Force = False) -> int:
     """Write an arm from a URDF as TOML, and say what was guessed.
 
     Parameters
@@ -51,6 +51,8 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     flange
         The link that carries the hand, along its z axis; by default the one after the last joint of
         the only chain of six or seven joints.
+    force
+        Overwrite an existing file.
     """
     from sweeps.output import note, quiet_stdout, write_atomic
     from sweeps.spec.errors import StoreError
@@ -59,6 +61,7 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
+    refuse_existing(out, force)
     with quiet_stdout():
         model, notes = arm_from_urdf(urdf, flange=flange)
         for line in notes:

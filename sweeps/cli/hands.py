@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, UsageError, app
+from sweeps.cli.app import Force, Json, UsageError, app, refuse_existing
 
 if TYPE_CHECKING:
     from warpgrasp.hands.hand_model import HandModel
@@ -40,7 +40,8 @@ def hands(*files: Path, json: Json = False) -> int:
 def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
          palm: str | None = None,
          tip: Annotated[list[str] | None, Parameter(negative="")] = None,
-         hold: Annotated[list[str] | None, Parameter(negative="")] = None) -> int:
+         hold: Annotated[list[str] | None, Parameter(negative="")] = None,
+         force: Force = False) -> int:
     """Write a hand from a URDF as TOML, guesses marked, and a picture beside it, open and closed.
 
     Parameters
@@ -56,6 +57,8 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Only chains to these links are fingers; by default all.
     hold
         Joints that stand still, as NAME=DEGREES.
+    force
+        Overwrite an existing TOML file.
     """
     from sweeps.figures.style import encode
     from sweeps.output import note, quiet_stdout, write_atomic
@@ -72,6 +75,8 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         if is_hand and given:
             raise UsageError(f"{option}: is for a URDF, and {urdf} is a hand already; what it says "
                              "should be changed in that file")
+    if not is_hand:
+        refuse_existing(out, force)
     with quiet_stdout():
         if is_hand:
             model, text = hand_from_file(urdf), None

@@ -8,19 +8,21 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from sweeps.cli.app import (
+    Force,
     Json,
     Settings,
     UsageError,
     app,
     count_of,
     device_of,
+    refuse_existing,
     shard_of,
     timeout_of,
 )
 
 
 @app.command
-def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = False) -> int:
+def init(spec: Path, /, *, force: Force = False) -> int:
     """Write a commented template of a study.
 
     Parameters
@@ -34,8 +36,7 @@ def init(spec: Path, /, *, force: Annotated[bool, Parameter(negative="")] = Fals
     from sweeps.spec.errors import StoreError
     from sweeps.spec.template import spec_template
 
-    if spec.exists() and not force:
-        raise StoreError(f"{spec}: exists already; choose another name, or use --force")
+    refuse_existing(spec, force)
     try:
         write_atomic(spec, spec_template().encode())
     except OSError as error:

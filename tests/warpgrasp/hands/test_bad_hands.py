@@ -169,12 +169,30 @@ def test_the_command_writes_what_it_reads(tmp_path: Path,
     assert cli.run(["hands", str(out)]) == 0
     assert cli.run(["hands"]) == 0
     assert "barrett" in capsys.readouterr().out
+    out = tmp_path / "other.toml"
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=x"]) == 2
     assert cli.run(["hand", str(file), "-o", str(out), "--palm", "q"]) == 2
     capsys.readouterr()
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=200"]) == 2
     assert "hold: joint j1 at 200 deg; should be 0 to 57.3" in capsys.readouterr().err
     assert cli.run(["hand", str(tmp_path / "none.urdf"), "-o", str(out)]) == 2
+
+
+def test_a_file_that_was_mended_is_not_written_over(tmp_path: Path,
+                                                    capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("yourdfpy")
+    file, out = tmp_path / "hand.urdf", tmp_path / "hand.toml"
+    file.write_text(robot(GOOD))
+    out.write_text("mended")
+    for command in ("hand", "arm"):
+        assert cli.run([command, str(file), "-o", str(out)]) == 2
+        assert "hand.toml: exists already; choose another name, or" in capsys.readouterr().err
+    assert out.read_text() == "mended"
+    assert cli.run(["hand", str(file), "-o", str(out), "--force"]) == 0
+    assert "GUESS" in out.read_text()
+    assert cli.run(["hand", str(out), "-o", str(out)]) == 0  # draws it again
+    assert cli.run(["arm", str(file), "-o", str(out), "--force"]) == 2
+    assert "GUESS" in out.read_text()
 
 
 @pytest.mark.parametrize("option", [("--hold", "x=3"), ("--palm", "q"), ("--tip", "q")])
