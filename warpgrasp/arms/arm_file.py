@@ -9,11 +9,15 @@ from typing import Annotated
 from pydantic import BaseModel, ConfigDict, Field
 
 from warpgrasp.arms.arm_model import ARM_JOINTS, ArmError, ArmJoint, ArmModel, Vector
+from warpgrasp.hands.hand_model import UNITS_OF_FILES
 from warpgrasp.hands.strict_toml import read_strict
 
 _DATA = Path(__file__).parent / "data"
 SHIPPED_ARMS = ("ur5e", "panda")
-_FARTHEST_MM = 5000.0
+_FARTHEST_M, _SHORTEST_M = 5.0, 0.1
+"""Of a joint, base and flange from what is before; of all ways from joint to joint together."""
+_MOST_DEG, _LEAST_DEG, _FASTEST_DEG_S = 720.5, 12.6, 3600.0
+"""Of a joint either way; one at least turns farther than the second, two turns in radians."""
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
 _STILL = (0.0, 0.0, 0.0)
 
@@ -74,6 +78,7 @@ def check_arm(file: str, arm: ArmModel) -> ArmModel:
     places = (*arm.base_xyz_m, *arm.base_rpy_rad, *arm.flange_xyz_m, *arm.flange_rpy_rad)
     if not all(map(math.isfinite, places)):
         raise ArmError(f"{file}: base or flange: a number that is not finite; should be finite")
+    _check_lengths(file, arm)
     made = []
     for joint, home in zip(joints, arm.home_rad, strict=True):
         where = f"{file}: joint {joint.name}"
@@ -92,13 +97,36 @@ def check_arm(file: str, arm: ArmModel) -> ArmModel:
                            "within its limits")
         if joint.speed_rad_s <= 0.0:
             raise ArmError(f"{where}: speed_deg_s: should be above 0")
-        if max(map(abs, joint.xyz_m)) * 1e3 > _FARTHEST_MM:
-            raise ArmError(f"{where}: xyz_mm: should be at most {_FARTHEST_MM:g} each way")
+        if joint.speed_rad_s > math.radians(_FASTEST_DEG_S):
+            raise ArmError(f"{where}: speed {math.degrees(joint.speed_rad_s):.4g} deg/s "
+                           f"({joint.speed_rad_s:.4g} rad/s); should be at most "
+                           f"{_FASTEST_DEG_S:g} deg/s: {UNITS_OF_FILES}")
+        if max(-joint.low_rad, joint.high_rad) > math.radians(_MOST_DEG):
+            raise ArmError(f"{where}: limits {math.degrees(joint.low_rad):.4g} to "
+                           f"{math.degrees(joint.high_rad):.4g} deg ({joint.low_rad:.4g} to "
+                           f"{joint.high_rad:.4g} rad); should be at most 720 deg either way, or "
+                           f"the URDF's joint continuous: {UNITS_OF_FILES}")
         made.append(ArmJoint(joint.name, joint.xyz_m, joint.rpy_rad,
                              (joint.axis[0] / size, joint.axis[1] / size, joint.axis[2] / size),
                              joint.low_rad, joint.high_rad, joint.speed_rad_s))
     return ArmModel(arm.name, tuple(made), arm.base_xyz_m, arm.base_rpy_rad, arm.flange_xyz_m,
                     arm.flange_rpy_rad, arm.home_rad, arm.source)
+
+
+def _check_lengths(file: str, arm: ArmModel) -> None:
+    named = [(f"joint {joint.name}", joint.xyz_m) for joint in arm.joints]
+    for name, xyz in (*named, ("base", arm.base_xyz_m), ("flange", arm.flange_xyz_m)):
+        if (off := math.hypot(*xyz)) > _FARTHEST_M:
+            raise ArmError(f"{file}: {name} stands {off:.4g} m ({off * 1e3:,.6g} mm) from what is "
+                           f"before it; should be at most {_FARTHEST_M:g} m: {UNITS_OF_FILES}")
+    length = sum(math.hypot(*xyz) for _, xyz in named)
+    if length < _SHORTEST_M:  # false where a number is not finite, which is said of its joint
+        raise ArmError(f"{file}: joint: the ways from joint to joint are {length * 1e3:.4g} mm "
+                       f"together; should be {_SHORTEST_M * 1e3:g} mm at least: {UNITS_OF_FILES}")
+    widest = max(math.degrees(joint.high_rad - joint.low_rad) for joint in arm.joints)
+    if 0.0 < widest < _LEAST_DEG:
+        raise ArmError(f"{file}: joint: the one with the widest limits turns by {widest:.3g} deg; "
+                       f"should be {_LEAST_DEG:g} at least: {UNITS_OF_FILES}")
 
 
 def arm_text(arm: ArmModel) -> str:

@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                     "place_of", "posture_angles"],
     "hand_model": ["BASE_FIRST", "Box", "CURLS_DEG", "Capsule", "HandClosing", "Finger",
                    "Follow", "HandError", "HandJoint", "HandModel", "PadPlace", "Place", "Posture",
-                   "STILL", "Shape", "vector_of"],
+                   "STILL", "Shape", "UNITS_OF_FILES", "vector_of"],
     "hand_writer": ["hand_text"],
     "frames_batch": ["link_frames_batch"],
     "strict_toml": ["read_strict"],

@@ -4,6 +4,7 @@ The caller puts the file's name before it.
 """
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -12,6 +13,7 @@ from warpgrasp.hands.hand_frames import matrix_of, posture_angles
 from warpgrasp.hands.hand_model import (
     CLOSING_WORDS,
     SENSES,
+    UNITS_OF_FILES,
     Box,
     Finger,
     HandClosing,
@@ -26,6 +28,16 @@ MOST_MEETING = 5
 """Fingers of a hand whose meetings with one another are found, at most."""
 NEAR = 1e-9
 """Lengths [m] and angles [rad] that count as nothing."""
+MOST_SHAPE_M, LEAST_SHAPE_M = 1.0, 1e-4
+_MOST_PALM_M = 2.0
+"""From the palm's frame to its shapes and fingers; an arm that stands still may be part of it."""
+_MOST_LINK_M, _LEAST_LINK_M = 0.5, 5e-4
+"""From a joint to the next, its shapes and its tip; between parallel axes and from joint to tip."""
+_MOST_TIP_M = 0.05
+"""From a finger's tip to the shapes of its last link."""
+_MOST_DEG, _LEAST_DEG = 360.5, 6.3
+"""Of a driven joint either way; a finger has one at least that turns farther than the latter, which
+is a whole turn in radians."""
 _ROUNDED_DEG = 0.01
 """By so much limits written by hand may be less than those that a leader leads its followers to."""
 
@@ -41,7 +53,8 @@ def check_hand(model: HandModel) -> HandModel:
     if model.thumb and model.thumb not in [finger.name for finger in model.fingers]:
         raise HandError(f"thumb: there is no finger {model.thumb!r}; should be one of "
                         f"{', '.join(f.name for f in model.fingers)}, or empty")
-    _check_shapes("palm", model.palm)
+    _check_near("grasp_frame", model.grasp_frame[:3], "the palm's frame", _MOST_PALM_M)
+    _check_shapes("palm", model.palm, _MOST_PALM_M)
     for finger in model.fingers:
         _check_finger(finger)
     _check_followers(model)
@@ -134,7 +147,11 @@ def _check_finger(finger: Finger) -> None:
         if joint.effort_Nm < 0.0:
             raise HandError(f"joint {joint.name}: effort {joint.effort_Nm:g} N m; should be more "
                             "than 0, or 0 where it is not known")
+    _check_limits(finger)
+    _check_near(f"joint {finger.joints[0].name}", finger.joints[0].place[:3], "the palm's frame",
+                _MOST_PALM_M)
     for joint, after in pairwise(finger.joints):
+        _check_near(f"joint {after.name}", after.place[:3], f"joint {joint.name}", _MOST_LINK_M)
         ahead = matrix_of(after.place)
         same = np.linalg.norm(np.cross(joint.axis, ahead[:3, :3] @ after.axis)) < NEAR
         apart = np.linalg.norm(np.cross(joint.axis, ahead[:3, 3]))
@@ -142,15 +159,27 @@ def _check_finger(finger: Finger) -> None:
             raise HandError(f"joint {after.name}: turns about the axis of joint {joint.name}, the "
                             "link between them has no length; should stand apart from it, or be "
                             "fixed")
-    if np.linalg.norm(finger.tip_m) < NEAR:
+        if same and apart < _LEAST_LINK_M:
+            raise HandError(f"joint {after.name}: its axis is {apart * 1e3:.3g} mm from that of "
+                            f"joint {joint.name}, as both point the same way; should be "
+                            f"{_LEAST_LINK_M * 1e3:g} mm from it at least: {UNITS_OF_FILES}")
+    off = float(np.linalg.norm(finger.tip_m))
+    if off < _LEAST_LINK_M:
         raise HandError(f"finger {finger.name}: its tip lies on its last joint "
-                        f"{finger.joints[-1].name}: a link without length, or no tip; should be "
-                        "named, apart from the joint")
+                        f"{finger.joints[-1].name}, {off * 1e3:.3g} mm from it: a link without "
+                        "length, or no tip; should be named, apart from the joint")
+    _check_near(f"finger {finger.name}: its tip", finger.tip_m, f"joint {finger.joints[-1].name}",
+                _MOST_LINK_M)
     if not any(joint.shapes for joint in finger.joints):
         raise HandError(f"finger {finger.name}: none of its links has a collision shape; should "
                         "have a capsule or a box at least on the last")
     for joint in finger.joints:
-        _check_shapes(f"joint {joint.name}", joint.shapes)
+        _check_shapes(f"joint {joint.name}", joint.shapes, _MOST_LINK_M)
+    far = min((_distance(shape, finger.tip_m) for shape in finger.joints[-1].shapes), default=0.0)
+    if far > _MOST_TIP_M:
+        raise HandError(f"finger {finger.name}: its tip is {far * 1e3:.3g} mm off the shapes of "
+                        f"its last link; should be at most {_MOST_TIP_M * 1e3:g} mm off: "
+                        f"{UNITS_OF_FILES}")
     if len(finger.pads) > MOST_PADS:
         raise HandError(f"finger {finger.name}: {len(finger.pads)} pads; should be {MOST_PADS} at "
                         "most")
@@ -164,11 +193,49 @@ def _check_finger(finger: Finger) -> None:
                             f"joints: {', '.join(j.name for j in finger.joints)}")
 
 
-def _check_shapes(where: str, shapes: tuple[Shape, ...]) -> None:
+def _check_limits(finger: Finger) -> None:
+    driven = [joint for joint in finger.joints if joint.follows is None]
+    for joint in driven:
+        low, high = math.degrees(joint.low_rad), math.degrees(joint.high_rad)
+        if max(-low, high) > _MOST_DEG:
+            raise HandError(f"joint {joint.name}: limits {low:.4g} to {high:.4g} deg "
+                            f"({joint.low_rad:.4g} to {joint.high_rad:.4g} rad); should be at most "
+                            f"360 deg either way: {UNITS_OF_FILES}")
+    widest = max((math.degrees(j.high_rad - j.low_rad) for j in driven), default=math.inf)
+    if widest < _LEAST_DEG:
+        raise HandError(f"finger {finger.name}: its joint with the widest limits turns by "
+                        f"{widest:.3g} deg; should be {_LEAST_DEG:g} at least: {UNITS_OF_FILES}")
+
+
+def _check_near(what: str, at: Sequence[float], where: str, most_m: float) -> None:
+    if (off := math.hypot(*at)) > most_m:
+        raise HandError(f"{what} stands {off:.4g} m ({off * 1e3:,.6g} mm) from {where}; should "
+                        f"be at most {most_m:g} m from it: {UNITS_OF_FILES}")
+
+
+def _check_shapes(where: str, shapes: tuple[Shape, ...], most_m: float) -> None:
     for shape in shapes:
-        least = min(shape.size) if isinstance(shape, Box) else shape.radius
-        if not least > NEAR:
-            raise HandError(f"{where}: a shape of size {least:g} m; should be more than 0")
+        if isinstance(shape, Box):
+            what, sizes, places = "a box", shape.size, [shape.place[:3]]
+        else:
+            what, sizes, places = "a capsule", (shape.radius,), [shape.start, shape.end]
+        if not all(LEAST_SHAPE_M <= size <= MOST_SHAPE_M for size in sizes):
+            raise HandError(f"{where}: {what} of {' x '.join(f'{v * 1e3:.4g}' for v in sizes)} mm; "
+                            f"should be {LEAST_SHAPE_M * 1e3:g} to {MOST_SHAPE_M * 1e3:g} mm "
+                            f"each way: {UNITS_OF_FILES}")
+        for place in places:
+            _check_near(f"{where}: {what}", place, "the frame of its link", most_m)
+
+
+def _distance(shape: Shape, point: Sequence[float]) -> float:
+    """From a point to a shape's surface or, where it is negative or 0, into it [m]."""
+    if isinstance(shape, Box):
+        frame = matrix_of(shape.place)
+        own = frame[:3, :3].T @ (np.asarray(point) - frame[:3, 3])
+        return float(np.linalg.norm(np.maximum(np.abs(own) - np.asarray(shape.size) / 2, 0.0)))
+    start, along = np.asarray(shape.start), np.subtract(shape.end, shape.start)
+    share = np.clip((point - start) @ along / max(along @ along, NEAR**2), 0.0, 1.0)
+    return float(np.linalg.norm(point - start - share * along)) - shape.radius
 
 
 def _check_followers(model: HandModel) -> None:

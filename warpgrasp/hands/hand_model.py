@@ -11,6 +11,8 @@ Place = tuple[float, float, float, float, float, float, float]
 """Position [m] and quaternion xyzw."""
 Vector = tuple[float, float, float]
 STILL: Place = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
+UNITS_OF_FILES = "a URDF has metres and radians, a TOML file mm and degrees"
+"""Said where a number is out of all proportion, which is mostly one in another unit."""
 
 
 def vector_of(values: Iterable[float]) -> Vector:

@@ -9,8 +9,17 @@ import numpy as np
 import trimesh
 
 from warpgrasp.hands.capsule_fit import fit_capsule
+from warpgrasp.hands.hand_checks import MOST_SHAPE_M
 from warpgrasp.hands.hand_frames import place_of
-from warpgrasp.hands.hand_model import Box, Capsule, HandError, Shape, Vector, vector_of
+from warpgrasp.hands.hand_model import (
+    UNITS_OF_FILES,
+    Box,
+    Capsule,
+    HandError,
+    Shape,
+    Vector,
+    vector_of,
+)
 
 _LEAST_M = 1e-6
 
@@ -46,8 +55,12 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
         else:
             mesh = geometry.mesh
             scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
-            found.append(_fitted(f"{where}: mesh {mesh.filename}",
-                                 _vertices(where, file, mesh.filename) * scale, at))
+            vertices = _vertices(where, file, mesh.filename) * scale
+            if (size := float(np.ptp(vertices, axis=0).max())) > MOST_SHAPE_M:
+                raise HandError(f"{where}: mesh {mesh.filename} is {size:.4g} m long; should be "
+                                f"less than {MOST_SHAPE_M:g} m: a mesh in mm has "
+                                'scale="0.001 0.001 0.001"')
+            found.append(_fitted(f"{where}: mesh {mesh.filename}", vertices, at))
     return _with_capsules(found, rods)
 
 
@@ -73,9 +86,10 @@ def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:
     values = [float(v) for v in numbers]
     if len(values) != wanted:
         raise HandError(f"{where}: a {kind} of {len(values)} sizes; should have {wanted}")
-    if not all(_LEAST_M < v < 10.0 for v in values):
+    if not all(_LEAST_M < v < MOST_SHAPE_M for v in values):
         raise HandError(f"{where}: a {kind} of {' x '.join(f'{v:g}' for v in values)} m; every "
-                        "size should be more than 0")
+                        f"size should be more than 0 and less than {MOST_SHAPE_M:g} m: "
+                        f"{UNITS_OF_FILES}")
     return values
 
 

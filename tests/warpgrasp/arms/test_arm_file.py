@@ -83,12 +83,16 @@ def test_the_only_chain_of_six_or_seven_joints_is_the_arm(tmp_path: Path) -> Non
     ("speed_deg_s = 180.0", "speed_deg_s = 0.0", "should be above 0"),
     ("home_deg = [-20.0, ", "home_deg = [", "should be one for each of the 6 joints"),
     ("home_deg = [-20.0, ", "home_deg = [400.0, ", "is not within its limits"),
-    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [-42500.0, 0.0, 0.0]", "should be at most 5000"),
+    ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [-42500.0, 0.0, 0.0]",
+     "joint elbow stands 42.5 m (42,500 mm) from what is before it; should be at most 5 m"),
     ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [nan, 0.0, 0.0]", "joint[2].xyz_mm[0]"),
     ('name = "elbow"', 'name = "wrist_1"', "names should differ"),
     ("axis = [0.0, 0.0, 1.0]", "axis = [0, 0, 0]", "should be a direction"),
     ('name = "elbow"', 'name = "elbow"\nlenght = 3', "joint[2].lenght"),
     ("[flange]", "[flange", "is not valid TOML"),
+    ("speed_deg_s = 180.0", "speed_deg_s = 10313.0", "speed 1.031e+04 deg/s (180 rad/s); should"),
+    ("limits_deg = [-180.0, 180.0]", "limits_deg = [-180.0, 5157.0]",
+     "limits -180 to 5157 deg (-3.142 to 90.01 rad); should be at most 720 deg either way"),
 ])
 def test_what_is_wrong_is_named(old: str, new: str, message: str, tmp_path: Path) -> None:
     text = arm_text(arm_named("ur5e")).replace("-0,", "0.0,")
@@ -100,6 +104,20 @@ def test_what_is_wrong_is_named(old: str, new: str, message: str, tmp_path: Path
     with pytest.raises(ArmError, match=re.escape(message)) as error:
         arm_from_file(file)
     assert str(file) in str(error.value)
+
+
+@pytest.mark.parametrize(("key", "by", "message"), [
+    ("xyz_mm", 1000.0, "the ways from joint to joint are 1.213 mm together; should be 100 mm"),
+    ("limits_deg", 60.0, "the one with the widest limits turns by 12 deg; should be 12.6 at"),
+])
+def test_metres_and_radians_are_told(key: str, by: float, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "arm.toml"
+    text = re.sub(r"^home_deg = .*", "home_deg = [0, 0, 0, 0, 0, 0]", arm_text(arm_named("ur5e")),
+                  flags=re.MULTILINE)
+    file.write_text(re.sub(rf"^{key} = (.*)", lambda found: f"{key} = " + re.sub(
+        r"-?[\d.]+", lambda v: repr(float(v[0]) / by), found[1]), text, flags=re.MULTILINE))
+    with pytest.raises(ArmError, match=re.escape(message)):
+        arm_from_file(file)
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

@@ -45,6 +45,17 @@ BAD = {
     "no link": ([*GOOD, joint("j3", "palm", "c")], "joint j3: there is no link 'c'; should"),
     "flat box": ([*GOOD[:2], link("b", '<collision><geometry><box size="0.1 0 0.1"/></geometry>'
                                   "</collision>"), *GOOD[3:]], "link b: a box of 0.1 x 0 x 0.1 m"),
+    "box in mm": ([*GOOD[:2], link("b", '<collision><geometry><box size="16 18 55"/></geometry>'
+                                   "</collision>"), *GOOD[3:]],
+                  "link b: a box of 16 x 18 x 55 m; every size should be more than 0 and less tha"),
+    "mesh in mm": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="big.obj"/>'
+                                    "</geometry></collision>"), *GOOD[3:]],
+                   "link b: mesh big.obj is 55 m long; should be less than 1 m: a mesh in mm has"),
+    "length in mm": ([*GOOD[:4], joint("j2", "a", "b", at="0 0 60")],
+                     r"joint j2 stands 60 m \(60,000 mm\) from joint j1; should be at most 0.5 m"),
+    "limits in deg": ([*GOOD[:4], joint("j2", "a", "b", limit='<limit lower="0" upper="90" '
+                                        'effort="1" velocity="1"/>')],
+                      r"joint j2: limits 0 to 5157 deg \(0 to 90 rad\); should be at most 360 deg"),
     "origin": ([*GOOD[:2], link("b", '<collision><origin xyz="inf 0 0"/><geometry><sphere '
                                 'radius="1"/></geometry></collision>'), *GOOD[3:]],
                "link b: a collision's origin is not finite"),
@@ -64,6 +75,7 @@ def test_a_bad_urdf_is_refused(name: str, tmp_path: Path,
     pytest.importorskip("yourdfpy")
     parts, message = BAD[name]
     file, out = tmp_path / "bad.urdf", tmp_path / "hand.toml"
+    (tmp_path / "big.obj").write_text("v 0 0 0\nv 20 0 0\nv 0 20 0\nv 0 0 55\nf 1 2 3\nf 1 2 4\n")
     # A ball at the last link's frame gives it a tip one radius out.
     file.write_text(robot(parts))
     assert cli.run(["hand", str(file), "-o", str(out)]) == 2
@@ -102,7 +114,7 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change('^end = "closed"', 'end = "shut"'), "closing grasp: there is no posture 'shut'"),
     (change('^"joint_1.0" = .*', '"joint_1.0" = 500'), "joint joint_1.0 at 500 deg; should be"),
     (change("^box_mm = .*", ""), "a shape without box_mm or capsule_mm"),
-    (change("^box_mm = .*", "box_mm = [1, 0, 1]"), "palm: a shape of size 0 m; should be more"),
+    (change("^box_mm = .*", "box_mm = [1, 0, 1]"), "palm: a box of 1 x 0 x 1 mm; should be 0.1"),
     (change("^capsule_mm = ", "at_mm = [100, 0, 0]\ncapsule_mm = "),
      "joint joint_3.0: a capsule with at_mm; should be without, for capsule_mm says"),
     (change("^capsule_mm = ", "turn = [0, 0, 0, 1]\ncapsule_mm = "), "a capsule with turn; should"),
@@ -138,6 +150,26 @@ def change(old: str, new: str) -> Callable[[str], str]:
             "axis_mm = [[0, 0, 0], [0, 0, 20]]\nradius_mm = 9\nside = [1, 0, 0]\n\n"
             "[[finger.joint]]"),
      "the place of a pad on 'joint_2.0', which is none of its pads"),
+    # millimetres and degrees given as metres and radians, or the other way round
+    (change(r"^tip_mm = .*", "tip_mm = [5000, 0, 0]"),
+     r"finger index: its tip stands 5 m \(5,000 mm\) from joint joint_3.0; should be at most 0."),
+    (change(r"^tip_mm = .*", "tip_mm = [0, 0, 150]"),
+     "finger index: its tip is 111 mm off the shapes of its last link; should be at most 50 mm"),
+    (change(r"^tip_mm = .*", "tip_mm = [0, 0, 0.0387]"),
+     "finger index: its tip lies on its last joint joint_3.0, 0.0387 mm from it"),
+    (change("^box_mm = .*", "box_mm = [0.04, 0.1, 0.1]"),
+     "palm: a box of 0.04 x 0.1 x 0.1 mm; should be 0.1 to 1000 mm each way: a URDF has metres"),
+    (change("^capsule_mm = .*", "capsule_mm = [[0, 0, 0], [0, 0, 3000]]"),
+     r"joint joint_3.0: a capsule stands 3 m \(3,000 mm\) from the frame of its link"),
+    (change(r"^at_mm = .*(\n.*\naxis = .*\nlimits_deg = .*\n.*\n.*\n\n.*\nbox_mm = .*\n.*\n.*\n\n"
+            r'.*\nname = "joint_3.0")', r"at_mm = [0, 0, 0.0384]\1"),
+     "joint joint_2.0: its axis is 0.0384 mm from that of joint joint_1.0"),
+    (change(r"^(\[grasp_frame\].*\nat_mm = ).*", r"\1[5000, 0, 0]"),
+     "grasp_frame stands 5 m .* from the palm's frame; should be at most 2 m"),
+    (change("^limits_deg = .*", "limits_deg = [0, 5156]"),
+     r"joint joint_0.0: limits 0 to 5156 deg \(0 to 89.99 rad\); should be at most 360 deg"),
+    (lambda whole: re.sub("^limits_deg = .*", "limits_deg = [0, 1.6]", whole, flags=re.MULTILINE),
+     "finger index: its joint with the widest limits turns by 1.6 deg; should be 6.3 at least"),
     (lambda whole: "[" + whole, "is not valid TOML"),
 ])
 def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tmp_path: Path,
