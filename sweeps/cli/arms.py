@@ -9,13 +9,13 @@ from sweeps.cli.app import Force, Json, UsageError, app, refuse_existing
 
 
 @app.command
-def arms(*files: Path, json: Json = False) -> int:
-    """List the arms that ship, or those of files: joints, and length from the first joint on.
+def arms(*arms: str, json: Json = False) -> int:
+    """List the arms that ship, or those that are named: joints, and length from the first one on.
 
     Parameters
     ----------
-    files
-        Arms as `warpgrasp arm` writes them.
+    arms
+        Arms that ship, or files as `warpgrasp arm` writes them; by default all that ship.
     json
         Print JSON.
     """
@@ -25,15 +25,18 @@ def arms(*files: Path, json: Json = False) -> int:
     from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
 
     table = ArmTable()
-    found = [(str(file), arm_from_file(file)) for file in files]
-    ours = [] if found else [
-        (PUMA560, "6", f"{sum(table.a_m) + sum(table.d_m[1:]):.2f}",
-         "robotics-toolbox-python; Unimation bulletin"),
-        (FLOATING, "0", "", "a floating wrist within a box")]
-    found = found or [(name, arm_named(name)) for name in SHIPPED_ARMS]
+    ours = {PUMA560: (PUMA560, "6", f"{sum(table.a_m) + sum(table.d_m[1:]):.2f}",
+                      "robotics-toolbox-python; Unimation bulletin"),
+            FLOATING: (FLOATING, "0", "", "a floating wrist within a box")}
+
+    def row(name: str) -> tuple[str, ...]:
+        if name in ours:
+            return ours[name]
+        m = arm_from_file(Path(name)) if name.endswith(".toml") else arm_named(name)
+        return name, str(len(m.joints)), f"{arm_reach_m(m):.2f}", m.source
+
     print_table(("arm", "joints", "length [m]", "source"),
-                [*ours, *((name, str(len(m.joints)), f"{arm_reach_m(m):.2f}", m.source)
-                          for name, m in found)], json)
+                [row(name) for name in arms or (*ours, *SHIPPED_ARMS)], json)
     return 0
 
 

@@ -14,21 +14,21 @@ if TYPE_CHECKING:
 
 
 @app.command
-def hands(*files: Path, json: Json = False) -> int:
-    """List the hands that ship, or those of files: fingers, joints, what they feel.
+def hands(*hands: str, json: Json = False) -> int:
+    """List the hands that ship, or those that are named: fingers, joints, what they feel.
 
     Parameters
     ----------
-    files
-        Hands as `warpgrasp hand` writes them.
+    hands
+        Hands that ship, or files as `warpgrasp hand` writes them; by default all that ship.
     json
         Print JSON.
     """
     from sweeps.text_table import print_table
     from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
 
-    found = [(str(file), hand_from_file(file)) for file in files]
-    found = found or [(name, hand_named(name)) for name in SHIPPED]
+    found = [(name, hand_from_file(Path(name)) if name.endswith(".toml") else hand_named(name))
+             for name in hands or SHIPPED]
     print_table(("hand", "fingers", "joints", "driven", "thumb", "senses", "closings", "source"),
                 [(name, str(len(m.fingers)), str(len(m.joints)), str(len(m.driven)),
                   m.thumb or "none", m.senses, ", ".join(c.name for c in m.closings), m.source)
@@ -54,9 +54,9 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     palm
         The link that fingers start from; by default the root.
     tip
-        Only chains to these links are fingers; by default all.
+        Only chains to this link are fingers, and to others as in --tip A --tip B; by default all.
     hold
-        Joints that stand still, as NAME=DEGREES.
+        A joint that stands still, as NAME=DEGREES; more as in --hold A=0 --hold B=0.
     force
         Overwrite an existing TOML file.
     """

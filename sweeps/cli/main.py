@@ -4,7 +4,7 @@ import gc
 import os
 import sys
 
-from cyclopts import CycloptsError
+from cyclopts import CycloptsError, UnusedCliTokensError
 
 from sweeps.cli import arms, explore, hands, look, machine, measure, study
 from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, UsageError, app
@@ -41,6 +41,10 @@ def run(arguments: list[str]) -> int:
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")
+    except UnusedCliTokensError as error:
+        words = ", ".join(error.unused_tokens or ())
+        return _refuse(f"warpgrasp: {words}: there is no place for it; an option that takes "
+                       "several values is repeated, as in --tip A --tip B; see warpgrasp --help")
     except CycloptsError as error:
         return _refuse(f"warpgrasp: {error}; see warpgrasp --help")
     except UsageError as error:

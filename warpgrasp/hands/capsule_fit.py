@@ -44,6 +44,26 @@ def fit_capsule(vertices_m: np.ndarray) -> Capsule:
     return Capsule(vector_of(start), vector_of(end), radius, error)
 
 
+def capsule_of_cylinder(radius_m: float, length_m: float) -> tuple[float, float, float]:
+    """Half the length between the ends of the nearest capsule along a cylinder's axis, its radius,
+    and its largest error [m]; by least squares over the cylinder's surface."""
+    u = (np.arange(_POINTS) + 0.5) / _POINTS
+    side = np.stack([np.full(_POINTS, radius_m), u * length_m / 2], 1)
+    end = np.stack([np.sqrt(u) * radius_m, np.full(_POINTS, length_m / 2)], 1)
+    weight = np.sqrt(np.repeat([length_m, radius_m], _POINTS))  # by the areas of side and ends
+    points = np.concatenate([side, end])  # off the axis and along it, of one half
+
+    def off(x: np.ndarray) -> np.ndarray:
+        beyond = np.maximum(points[:, 1] - x[0], 0.0)
+        return np.hypot(points[:, 0], beyond) - x[1]
+
+    found = least_squares(lambda x: weight * off(x), [max(length_m / 2 - radius_m, 0.0), radius_m],
+                          x_scale=length_m + radius_m, bounds=(0.0, np.inf)).x.round(9)
+    rim = np.array([[radius_m, 0.0], [radius_m, length_m / 2], [0.0, length_m / 2]])
+    points = np.concatenate([points, rim])
+    return float(found[0]), float(found[1]), float(np.abs(off(found)).max())
+
+
 def _descend(points: np.ndarray, middle: np.ndarray, axis: np.ndarray):
     """The least squares from a capsule along `axis`."""
     along = (points - middle) @ axis

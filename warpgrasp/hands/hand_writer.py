@@ -11,7 +11,8 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
     """The file of a hand, which `hand_file` reads. `notes` are said at its head; with `guessed`
     what no URDF says is marked as a guess, but not the grasp frame of one that is `framed`."""
     mark = "  # GUESS" if guessed else ""
-    frame_mark = "  #" if framed or not guessed else mark
+    says = f"{mark};" if guessed else "  #"
+    frame_mark = "  #" if framed or not guessed else f"{mark};"
     lines = [
         "# A hand: fingers as chains of joints. Lengths are in mm, angles in degrees; a turn is a",
         "# quaternion (x, y, z, w); a joint stands in the frame of the link before it.",
@@ -21,12 +22,12 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
         f"name = {_text(model.name)}", f"source = {_text(model.source)}",
         f"licence = {_text(model.licence)}",
         f"thumb = {_text(model.thumb)}{mark}",
-        f"senses = {_text(model.senses)}{mark or '  #'}; one of {', '.join(SENSES)}", "",
-        f"[grasp_frame]{frame_mark}; of the palm's frame: z is the approach, x to the thumb",
+        f"senses = {_text(model.senses)}{says} one of {', '.join(SENSES)}", "",
+        f"[grasp_frame]{frame_mark} of the palm's frame: z is the approach, x to the thumb",
         *_place(model.grasp_frame), "",
     ]
     for posture in model.postures:
-        lines += [f"[postures.{_text(posture.name)}]{mark or '  #'}; joints that are not named "
+        lines += [f"[postures.{_text(posture.name)}]{says} joints that are not named "
                   "stand as near to zero as they can"]
         lines += [f"{_text(joint)} = {_degrees(angle)}" for joint, angle in posture.angles_rad]
         lines.append("")

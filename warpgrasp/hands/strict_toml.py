@@ -5,8 +5,9 @@ Hands and arms are read by it; what they mean is checked by their own rooms.
 
 import tomllib
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -32,19 +33,53 @@ def read_strict(
     if len(raw) > LARGEST_BYTES:
         raise error_type(f"{file}: is larger than {LARGEST_BYTES >> 20} MiB, the most of such a "
                          "file")
+    given: Any = None
     try:
-        return table.model_validate(tomllib.loads(raw.decode()))
+        given = tomllib.loads(raw.decode())
+        return table.model_validate(given)
     except ValidationError as error:
         raise error_type("\n".join(
-            f"{file}: {dotted(e['loc'])}: {e['msg'][:1].lower()}{e['msg'][1:]}"
+            f"{file}: {place_of_element(e['loc'], given)}: {e['msg'][:1].lower()}{e['msg'][1:]}"
+            f"{_meant(table, e['loc']) if e['type'] == 'extra_forbidden' else ''}"
             for e in error.errors()[:_MOST_PROBLEMS])) from None
     except (ValueError, RecursionError) as error:
         raise error_type(f"{file}: is not valid TOML: {str(error)[:200]}") from None
 
 
-def dotted(place: Sequence[str | int]) -> str:
-    """Where an element stands: `finger[2].joint[0].axis`."""
+def place_of_element(place: Sequence[str | int], given: Any) -> str:
+    """Where an element stands in what was given, by the names that it has there: `finger index:
+    joint joint_3: axis[0]`, or by number where it has none: `palm[2].box_mm`."""
     text = ""
     for part in place:
-        text += f"[{part}]" if isinstance(part, int) else f"{'.' if text else ''}{part}"
-    return text or "the file"
+        given = _inside(given, part)
+        name = given.get("name") if isinstance(given, dict) else None
+        if isinstance(part, str):
+            text += f"{'' if not text or text.endswith(': ') else '.'}{part}"
+        elif isinstance(name, str) and name.isprintable():
+            text += f" {name}: "
+        else:
+            text += f"[{part}]"
+    return text.removesuffix(": ") or "the file"
+
+
+def _inside(given: Any, part: str | int) -> Any:
+    try:
+        return given[part]
+    except (KeyError, IndexError, TypeError):  # what is missing
+        return None
+
+
+def _meant(table: type[BaseModel], place: Sequence[str | int]) -> str:
+    """The key that may be meant by one that there is not."""
+    for part in place[:-1]:
+        if part in table.model_fields:  # neither a number in a list nor a name of the user's
+            table = _table_in(table.model_fields[str(part)].annotation) or table
+    near = get_close_matches(str(place[-1]), table.model_fields, n=1)
+    return f"; did you mean {near[0]}?" if near else ""
+
+
+def _table_in(annotation: Any) -> type[BaseModel] | None:
+    """The table that an annotation has in it, as in `list[Table]`."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_table_in, get_args(annotation))), None)

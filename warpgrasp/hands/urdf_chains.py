@@ -5,9 +5,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from warpgrasp.hands.hand_checks import NEAR
-from warpgrasp.hands.hand_model import Follow, HandError
+from warpgrasp.hands.hand_model import UNITS_OF_FILES, Follow, HandError
 from warpgrasp.hands.urdf_tree import UrdfJoint, UrdfTree
 
+_MOST_OFFSET_RAD = 6.3
+"""Of a joint from the one that it follows."""
 _LEAST_RAD = 1e-6
 """Between a joint's limits, where one that leads it does not turn it."""
 
@@ -134,6 +136,9 @@ def _followed(tree: UrdfTree, known: Mapping[str, UrdfJoint], joint: UrdfJoint,
         where = f"{tree.file}: joint {now.name}"
         if name not in known or not known[name].turns:
             raise HandError(f"{where}: follows {name!r}; mimic should name a joint that turns")
+        if abs(plus) > _MOST_OFFSET_RAD:
+            raise HandError(f"{where}: follows {name} with an offset of {plus:g} rad; should be at "
+                            f"most a turn: {UNITS_OF_FILES}")
         if name in seen:
             raise HandError(f"{where}: follows itself by way of {name}; mimic should lead to a "
                             "driven joint")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from warpgrasp.hands.capsule_fit import fit_capsule
+from warpgrasp.hands.capsule_fit import capsule_of_cylinder, fit_capsule
 from warpgrasp.hands.hand_checks import MOST_SHAPE_M
 from warpgrasp.hands.hand_frames import place_of
 from warpgrasp.hands.hand_model import (
@@ -49,9 +49,9 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
         elif geometry.cylinder is not None:
             radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
                                                         geometry.cylinder.length], 2)
-            start, end = (at[:3, 3] + share * length * at[:3, 2] for share in (-0.5, 0.5))
-            rods[len(found)] = Capsule(vector_of(start), vector_of(end), radius)
-            found.append(_fitted(where, trimesh.creation.cylinder(radius, length).vertices, at))
+            half, fitted, error = capsule_of_cylinder(radius, length)
+            rods[len(found)] = _along(at, length / 2, radius)
+            found.append(_along(at, half, fitted, error))
         else:
             mesh = geometry.mesh
             scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
@@ -93,11 +93,21 @@ def _sizes(where: str, kind: str, numbers: Any, wanted: int) -> list[float]:
     return values
 
 
+def _along(at: np.ndarray, half_m: float, radius_m: float, fit_error_m: float = 0.0) -> Capsule:
+    """A capsule along the z axis of a frame (4, 4)."""
+    start, end = (at[:3, 3] + way * at[:3, 2] for way in (-half_m, half_m))
+    return Capsule(vector_of(start), vector_of(end), radius_m, fit_error_m)
+
+
 def _fitted(where: str, vertices: np.ndarray, at: np.ndarray) -> Capsule:
     try:
-        return fit_capsule(vertices @ at[:3, :3].T + at[:3, 3])
+        found = fit_capsule(vertices @ at[:3, :3].T + at[:3, 3])
     except ValueError as error:
         raise HandError(f"{where}: {error}; a shape should have a volume") from None
+    if found.radius > MOST_SHAPE_M:
+        raise HandError(f"{where}: is so flat that only a part of a huge ball is like it; should "
+                        "be a box")
+    return found
 
 
 def _vertices(where: str, urdf: Path, name: str) -> np.ndarray:

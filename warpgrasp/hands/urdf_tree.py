@@ -18,6 +18,12 @@ FRAME_LINK = "grasp_frame"
 """A link without shapes, fixed to the palm, that stands in the frame of the grasp."""
 NO_LIMIT_NM = 1000.0
 """Written where a joint's effort is not known, since URDF requires one, and read as such [est]."""
+_NUMBERS = {"origin": ("xyz", "rpy"), "axis": ("xyz",), "mimic": ("multiplier", "offset"),
+            "limit": ("lower", "upper", "effort", "velocity"), "box": ("size",),
+            "cylinder": ("radius", "length"), "sphere": ("radius",), "mesh": ("scale",),
+            "mass": ("value",), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
+            "dynamics": ("damping", "friction")}
+"""Elements of links and joints, and which of their attributes are numbers."""
 _TURNING = ("revolute", "continuous")
 
 
@@ -79,7 +85,9 @@ def read_urdf(file: Path) -> UrdfTree:
     robot = _parsed(file)
     links = {link.name: link for link in robot.links}
     if len(links) < len(robot.links):
-        raise HandError(f"{file}: two links have the same name; names should differ")
+        names = [link.name for link in robot.links]
+        twice = next(name for name in names if names.count(name) > 1)
+        raise HandError(f"{file}: link {twice}: the name stands for two links; names should differ")
     joint_to: dict[str, UrdfJoint] = {}
     names = set()
     for given in robot.joints:
@@ -125,12 +133,26 @@ def _parsed(file: Path) -> Any:
         if joint.get("type") and None in (joint.find("parent"), joint.find("child")):
             raise HandError(f"{file}: joint {joint.get('name')}: has no parent or no child; should "
                             "have both")
+    for kind in ("link", "joint"):
+        for element in root.iter(kind):
+            _check_numbers(f"{file}: {kind} {element.get('name')}", element)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused later, by name
             return URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
     except Exception as error:  # whatever the reader comes upon in a file of anyone's
         raise HandError(f"{file}: cannot be read as a URDF: {type(error).__name__}: {error}; "
                         "should be as wiki.ros.org/urdf/XML says") from None
+
+
+def _check_numbers(where: str, element: ET.Element) -> None:
+    for part in element.iter():
+        for key in _NUMBERS.get(part.tag, ()):
+            text = part.get(key, "")
+            try:
+                _ = [float(word) for word in text.split()]
+            except ValueError:
+                raise HandError(f'{where}: {key}="{text}" of <{part.tag}>; should be numbers, with '
+                                "points in them and blanks between them") from None
 
 
 def _joint(file: Path, given: Any) -> UrdfJoint:

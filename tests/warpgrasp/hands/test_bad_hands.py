@@ -1,15 +1,17 @@
 """What is wrong with a hand's file is said: file, element, and what would be right."""
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from urdf_parts import joint, link, robot
 
 from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
-from warpgrasp.hands.hand_model import HandError
+from warpgrasp.hands.hand_model import Capsule, HandError
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
@@ -59,6 +61,17 @@ BAD = {
     "origin": ([*GOOD[:2], link("b", '<collision><origin xyz="inf 0 0"/><geometry><sphere '
                                 'radius="1"/></geometry></collision>'), *GOOD[3:]],
                "link b: a collision's origin is not finite"),
+    "twice": ([*GOOD, link("b")], "link b: the name stands for two links; names should differ"),
+    "comma": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" multiplier="0,6"/>')],
+              'joint j2: multiplier="0,6" of <mimic>; should be numbers, with points in them'),
+    "offset in deg": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" offset="90"/>')],
+                      "joint j2: follows j1 with an offset of 90 rad; should be at most a turn"),
+    "number of a shape": ([*GOOD[:2], link("b", '<collision><geometry><sphere radius="1 cm"/>'
+                                           "</geometry></collision>"), *GOOD[3:]],
+                          'link b: radius="1 cm" of <sphere>; should be numbers'),
+    "flat mesh": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="flat.obj"/>'
+                                   "</geometry></collision>"), *GOOD[3:]],
+                  "link b: mesh flat.obj: is so flat that only .*should be a box"),
     "apart": ([*GOOD, link("c")], "links palm, c are moved by no joint; all but one should"),
     "mimic": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j9"/>')],
               "joint j2: follows 'j9'; mimic should name"),
@@ -76,6 +89,8 @@ def test_a_bad_urdf_is_refused(name: str, tmp_path: Path,
     parts, message = BAD[name]
     file, out = tmp_path / "bad.urdf", tmp_path / "hand.toml"
     (tmp_path / "big.obj").write_text("v 0 0 0\nv 20 0 0\nv 0 20 0\nv 0 0 55\nf 1 2 3\nf 1 2 4\n")
+    plate = [f"v {x} {y} {z}" for x in (0, 0.06) for y in (0, 0.06) for z in (0, 0.001)]
+    (tmp_path / "flat.obj").write_text("\n".join([*plate, "f 1 2 3", "f 1 2 5"]))
     # A ball at the last link's frame gives it a tip one radius out.
     file.write_text(robot(parts))
     assert cli.run(["hand", str(file), "-o", str(out)]) == 2
@@ -93,6 +108,42 @@ def test_what_is_no_urdf_is_refused(text: str, tmp_path: Path) -> None:
         hand_from_urdf(file)
 
 
+def test_a_cylinder_keeps_its_axis(tmp_path: Path) -> None:
+    """Its capsule used to be askew, and to lie across a short one."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    for radius, length in ((0.008, 0.04), (0.01, 0.012)):
+        rod = ('<collision><origin xyz="0 0 0.02" rpy="0 0.5 0"/><geometry>'
+               f'<cylinder radius="{radius}" length="{length}"/></geometry></collision>')
+        file.write_text(robot([*GOOD[:2], link("b", rod), *GOOD[3:]]))
+        rod = hand_from_urdf(file)[0].joints[-1].shapes[0]
+        assert isinstance(rod, Capsule)
+        assert np.add(rod.start, rod.end) / 2 == pytest.approx([0.0, 0.0, 0.02], abs=1e-12)
+        along = np.subtract(rod.end, rod.start)
+        assert np.cross(along, [np.sin(0.5), 0.0, np.cos(0.5)]) == pytest.approx(0.0, abs=1e-12)
+        assert 0.0 < rod.fit_error_m < 0.004
+        assert rod.radius == pytest.approx(radius, rel=0.02)
+    assert rod.start == rod.end  # a ball is nearest
+
+
+def test_a_named_hand_or_arm_stands_beside_files(tmp_path: Path,
+                                                 capsys: pytest.CaptureFixture[str]) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(hand_text(hand_named("barrett")))
+    assert cli.run(["hands", str(file), "leap", "--json"]) == 0
+    assert [row["hand"] for row in json.loads(capsys.readouterr().out)] == [str(file), "leap"]
+    assert cli.run(["arms", "panda", "puma560", "--json"]) == 0
+    assert [row["arm"] for row in json.loads(capsys.readouterr().out)] == ["panda", "puma560"]
+    assert cli.run(["hands", "laep"]) == 2
+    assert "hand 'laep'; should be one of utah_mit" in capsys.readouterr().err
+
+
+def test_who_names_two_tips_at_once_is_told_how(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(["hand", "x.urdf", "-o", "x.toml", "--tip", "a", "b"]) == 2
+    assert "b: there is no place for it; an option that takes several values is repeated, as in " \
+        "--tip A --tip B" in capsys.readouterr().err
+
+
 def drop(text: str) -> Callable[[str], str]:
     return lambda whole: "\n".join(line for line in whole.split("\n") if not re.match(text, line))
 
@@ -102,7 +153,7 @@ def change(old: str, new: str) -> Callable[[str], str]:
 
 
 @pytest.mark.parametrize(("edit", "message"), [
-    (drop("tip_mm"), r"finger\[0\]\.tip_mm: field required"),
+    (drop("tip_mm"), "finger index: tip_mm: field required"),
     (change(r"^tip_mm = .*", "tip_mm = [0, 0, 0]"), "finger index: its tip lies on its last joint"),
     (change("^limits_deg = .*", "limits_deg = [10, -10]"), "lower one should be less"),
     (change("^axis = .*", "axis = [0, 0, 2]"), "axis of length 2; should be 1"),
@@ -128,7 +179,11 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change("^moves = .*", 'moves = ["joint_12.0"]'), "closing grasp: no joint that it moves is"),
     (change('^.closings."grasp".', '[closings."curl40"]'),
      "closing curl40: is the name of a way in which every hand closes .curl25, .*another name"),
-    (change("^name = ", "nane = "), "nane: extra inputs are not permitted"),
+    (change("^name = ", "nane = "), "nane: extra inputs are not permitted; did you mean name.$"),
+    (change(r"^(name = .joint_0.0.\n)at_mm", r"\1at_m"),
+     "finger index: joint joint_0.0: at_m: extra inputs are not permitted; did you mean at_mm.$"),
+    (change("^start = ", "strat = "), "closings.grasp.strat: extra .* did you mean start.$"),
+    (change("^box_mm = ", "box_m = "), r"palm\[0\].box_m: extra .* did you mean box_mm.$"),
     (change("^axis = .*", "axis = [0, nan, 0]"), "axis.*finite"),
     (change("^pads = .*", 'pads = ["joint_4.0"]'), "a pad on 'joint_4.0'; should be on one of"),
     (change("^stiffness_Nm_rad = .*", "stiffness_Nm_rad = 0"), "stiffness 0; should be more"),
@@ -178,7 +233,7 @@ def test_a_bad_hand_file_is_refused(edit: Callable[[str], str], message: str, tm
     file.write_text(edit(hand_text(hand_named("allegro"))))
     assert cli.run(["hands", str(file)]) == 2
     said = capsys.readouterr().err
-    assert re.search(f"{re.escape(str(file))}: .*{message}", said), said
+    assert re.search(f"{re.escape(str(file))}: .*{message}", said, re.MULTILINE), said
 
 
 def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
@@ -197,6 +252,7 @@ def test_the_command_writes_what_it_reads(tmp_path: Path,
     assert cli.run(["hand", str(file), "-o", str(out), "--hold", "j1=20"]) == 0
     assert capsys.readouterr().out.split() == [str(out), str(tmp_path / "hand.png")]
     assert "GUESS" in out.read_text()
+    assert "#;" not in out.read_text() + hand_text(hand_named("leap"))
     assert [j.name for j in hand_from_file(out).joints] == ["j2"]
     assert cli.run(["hands", str(out)]) == 0
     assert cli.run(["hands"]) == 0
