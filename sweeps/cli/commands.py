@@ -12,7 +12,7 @@ from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
 from sweeps.race.race_note import end_race_note, race_state, read_race_note
-from sweeps.run.grown_units import kept_units
+from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
@@ -33,18 +33,22 @@ SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized
 def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], device: str,
           settings: Sequence[str], as_json: bool, engine: str = "local",
           address: str | None = None, unit_timeout_s: float = UNIT_TIMEOUT_S,
-          verify: bool = False, until: float | None = None) -> int:
-    """Runs what is left of a study, then ranks it; `until` its best is known within so much."""
+          verify: bool = False, until: float | None = None, reuse: Sequence[Path] = ()) -> int:
+    """Runs what is left of a study, then ranks it; `until` its best is known within so much. Units
+    that are the same in the studies of `reuse` are taken from there."""
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     if until is not None:
         return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)
     plan = plan_study(read_spec(spec, settings))
     refuse_search(plan.study, spec)
-    store = Store(folder)
+    store, others = Store(folder), [Store(other) for other in reuse]
+    for other in others:
+        other.resolved()  # refuses a directory that holds no study
     with terminated_as_interrupted(), store.lock(shard):
         for line in store.open_for(plan, spec.read_bytes(), device):
             note(line)
         end_race_note(store.logs)
+        _reuse(plan, store, others, shard, device)
         count, kept = plan.shard_size(shard), kept_units(plan, store, shard)
         if 0 < kept.whole + kept.part < count:
             begun = f", and the beginning of {kept.part} more" if kept.part else ""
@@ -70,6 +74,23 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         say(f"{outcome.lost} units were lost: they were run, and their files are not there; "
             "run the sweep again")
     return SOME_FAILED if outcome.failed or outcome.lost else DONE
+
+
+def _reuse(plan: Plan, store: Store, others: Sequence[Store], shard: tuple[int, int],
+           device: str) -> None:
+    """Takes over units of other studies, and says how many."""
+    if not others:
+        return
+    try:
+        for line in (f"{other.folder}: {line}" for other in others
+                     for line in other.environment_notes(device)):
+            note(line)
+        count = reuse_units(plan, store, others, shard)
+    except OSError as error:
+        raise StoreError(f"{error.filename or store.folder}: cannot be read or written: "
+                         f"{error.strerror or error}") from None
+    note(f"{count} of {plan.shard_size(shard)} units are taken from "
+         f"{', '.join(str(other.folder) for other in others)}")
 
 
 def _sweep_until(spec: Path, folder: Path, within: float, options: Options,

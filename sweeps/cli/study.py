@@ -99,7 +99,9 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
           until: float | None = None, workers: int = 1, shard: str = "1/1", device: str = "cpu",
           set_: Settings = None, engine: Literal["local", "ray"] = "local",
           address: str | None = None, unit_timeout_s: float = 3600.0,
-          verify: Annotated[bool, Parameter(negative="")] = False, json: Json = False) -> int:
+          verify: Annotated[bool, Parameter(negative="")] = False,
+          reuse: Annotated[list[Path] | None, Parameter(negative="")] = None,
+          json: Json = False) -> int:
     """Run a study, or what is left of it, and print its leaderboard.
 
     Parameters
@@ -128,6 +130,9 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         and marked as failed; the rest continues.
     verify
         Read every row of the finished units first, not just the ends of their files.
+    reuse
+        The directory of another study: units that are the same there are taken over, not run again;
+        more of them as in --reuse A --reuse B.
     json
         Print the leaderboard as JSON.
     """
@@ -140,11 +145,13 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
     if until is not None and shard != "1/1":
         raise UsageError("--until: what comes next depends on all units, so it takes no --shard; "
                          "use --engine ray for several machines")
+    if until is not None and reuse:
+        raise UsageError("--until: takes no --reuse; sweep the spec with --reuse first")
     return commands.sweep(spec, out, workers=count_of(workers, "--workers"), shard=shard_of(shard),
                           device=device_of(device, here=engine == "local"),
                           settings=set_ or [], engine=engine,
                           address=address, unit_timeout_s=timeout_of(unit_timeout_s), verify=verify,
-                          as_json=json, until=until)
+                          as_json=json, until=until, reuse=reuse or ())
 
 
 @app.command

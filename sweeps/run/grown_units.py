@@ -1,18 +1,21 @@
-"""Units of a study that was given more episodes: what is there of them is kept.
+"""Units of a study that was given more episodes: what is there of them is kept. And units that
+another study has: they are taken over, for their names say all that their rows come from.
 
 A cell's last unit may be short. With more episodes it is another, longer unit; its rows begin with
 those of the short one, for rows do not depend on what is run beside them. So only the rest is run,
 and the two are joined to the file that a run of the whole unit would have written.
 """
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from sweeps.output import write_atomic
 from sweeps.run.plan import Plan, Unit, unit_id
 from sweeps.run.store import Store
-from sweeps.run.unit_file import write_unit
+from sweeps.run.unit_file import DamagedUnit, read_unit, write_unit
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,38 @@ def join(store: Store, part: Unit, rest: Unit, whole: Unit) -> bool:
             name: np.concatenate([values, second[name]]) for name, values in first.items()})
     for file in (*store.files(part), *store.files(rest)):
         file.unlink(missing_ok=True)
+    return True
+
+
+def reuse_units(plan: Plan, store: Store, others: Sequence[Store],
+                shard: tuple[int, int] = (1, 1)) -> int:
+    """Takes the units of a shard that are not there from other studies, and says how many.
+
+    Every row of theirs is read first; what is damaged is left where it is. They are hard links
+    where the disk can have them. Raises OSError where nothing can be written.
+    """
+    own, count = store.unit_ids(), 0
+    theirs = [(other, other.unit_ids()) for other in others]
+    for unit in plan.units(shard):
+        if unit.id not in own:
+            count += any(unit.id in ids and _take(store, other, unit) for other, ids in theirs)
+    return count
+
+
+def _take(store: Store, other: Store, unit: Unit) -> bool:
+    """Whether another study has a unit whole, which is then in this one as well."""
+    pairs = list(zip(other.files(unit), store.files(unit).items(), strict=True))
+    for theirs, (_, identity) in pairs:
+        rows = unit.stop - unit.start if identity == unit.id else None
+        try:
+            read_unit(theirs, identity, rows)
+        except (OSError, DamagedUnit):
+            return False
+    for theirs, (ours, _) in reversed(pairs):  # the rows last: a unit that is there is whole
+        try:
+            os.link(theirs, ours)
+        except OSError:  # on another disk, or there already
+            write_atomic(ours, theirs.read_bytes())
     return True
 
 

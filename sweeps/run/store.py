@@ -127,22 +127,25 @@ class Store:
 
     def _note_environment(self, device: str) -> list[str]:
         file = self.folder / "environment.json"
-        now = describe_environment(device)
         if file.exists():
-            try:
-                before = json.loads(file.read_bytes())
-            except (ValueError, RecursionError):
-                before = None
-            if not isinstance(before, dict):  # damaged: nothing is known of it
-                before = {}
-            changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
-                       for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
-            if changed:
-                return ["finished units were made in another environment, bits may differ: "
-                        + "; ".join(changed)]
-            return []
+            return self.environment_notes(device)
+        now = describe_environment(device)
         write_atomic(file, (json.dumps(now, indent=1, sort_keys=True) + "\n").encode())
         return []
+
+    def environment_notes(self, device: str) -> list[str]:
+        """What has changed since the study's units were made, as a note for the user."""
+        now = describe_environment(device)
+        try:
+            before = json.loads((self.folder / "environment.json").read_bytes())
+        except (ValueError, RecursionError, FileNotFoundError):
+            before = None
+        if not isinstance(before, dict):  # damaged: nothing is known of it
+            before = {}
+        changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
+                   for key in sorted({*before, *now}) if before.get(key) != now.get(key)]
+        return ["finished units were made in another environment, bits may differ: "
+                + "; ".join(changed)] if changed else []
 
     def resolved(self) -> dict[str, Any]:
         """The study this directory belongs to, as `resolved.json` has it."""

@@ -89,6 +89,39 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_value_more_runs_only_its_own_units(
+        swept: tuple[Path, Path], tmp_path: Path, capsys: pytest.CaptureFixture[str],
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """Another grid used to mean another directory, in which all was computed again."""
+    old = tmp_path / "out"
+    spec = write_spec(tmp_path, SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 6.0]\n')
+    words = ["sweep", str(spec), "-o"]
+    assert cli.run([*words, str(old)]) == 3
+    said = capsys.readouterr().err
+    assert f"`warpgrasp sweep SPEC.toml -o NEW --reuse {old}` takes over the units" in said
+    assert cli.run([*words, str(tmp_path / "fresh")]) == 0
+    damaged = min((old / "units").iterdir())
+    damaged.write_bytes(damaged.read_bytes()[:-9])
+    before = {file.name: file.read_bytes() for file in (old / "units").iterdir()}
+    capsys.readouterr()
+
+    assert cli.run([*words, str(tmp_path / "new"), "--reuse", str(tmp_path / "none")]) == 2
+    assert "none: holds no study" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+    assert cli.run([*words, str(tmp_path / "new"), "--reuse", str(old)]) == 0
+    assert f"7 of 16 units are taken from {old}" in capsys.readouterr().err
+    assert before == {file.name: file.read_bytes() for file in (old / "units").iterdir()}
+    for file in (tmp_path / "fresh/units").iterdir():
+        assert (tmp_path / "new/units" / file.name).read_bytes() == file.read_bytes()
+
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:no_such_function")
+    more = ["--reuse", str(old), "--reuse", str(tmp_path / "fresh")]
+    assert cli.run([*words, str(tmp_path / "all"), *more]) == 0
+    assert "16 of 16 units are taken from" in capsys.readouterr().err
+    assert (tmp_path / "all/leaderboard.csv").read_bytes() == (
+        tmp_path / "fresh/leaderboard.csv").read_bytes()
+
+
 def test_a_folder_of_other_files_is_refused_and_left_as_it_is(
         tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
     """`-o .` beside the user's own files used to write over two and to delete a third."""
