@@ -7,7 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "bootstrap": ["Estimate", "OVER", "population", "replicate_means"],
     "confusion": ["Confusion", "confusion_table", "read_confusion"],
     "curves": ["AXES", "Curves", "KNOWN", "Steps", "episode_steps", "grid_of", "mean_curve",
-        "on_grid", "reach_table", "read_curves"],
+        "on_grid", "once_notes", "reach_table", "read_curves"],
     "entries": ["Entry", "HIGHER_IS_BETTER", "LeaderboardError", "averaged_points", "bounds_of",
         "check_metric", "entries_of", "entry_axes", "prior_column", "setting_index", "value_text",
         "values_of"],

@@ -72,6 +72,10 @@ class Curves:
         """The entries' names."""
         return [entry.label for entry in self.entries]
 
+    def fits_once(self, entry: int) -> bool:
+        """Whether no episode of an entry has more than one body, at its end."""
+        return all(len(at) == 1 for found in self.steps["touches"] for at, _ in found[entry])
+
     @property
     def draws(self) -> int:
         """Of how many a replicate draws: the objects, or the episodes of these objects."""
@@ -260,16 +264,24 @@ def _first(steps: tuple[np.ndarray, np.ndarray], bound_mm: float) -> float:
 
 
 def curves_table(curves: Curves) -> TextTable:
-    """The table of `warpgrasp table DIR curves`: a line a point of the grid."""
+    """The table of `warpgrasp table DIR curves`: a line a point of the grid that has a mean."""
     rows = []
     for axis in AXES:
         grid = grid_of(curves, axis)
         for n, label in enumerate(curves.labels):
             found = mean_curve(curves, axis, n, grid)
             rows += [(label, axis, f"{at:.6g}", *(number_text(v, 3) for v in values))
-                     for at, *values in zip(grid, found.value, found.low, found.high, strict=True)]
+                     for at, *values in zip(grid, found.value, found.low, found.high, strict=True)
+                     if np.isfinite(values[0])]
     return TextTable(("strategy", "against", "at", "chamfer_mm", "ci_low", "ci_high"),
-                     tuple(rows), curves.notes)
+                     tuple(rows), (*curves.notes, *once_notes(curves)))
+
+
+def once_notes(curves: Curves) -> list[str]:
+    """Which entries have no curve, and what gives them one."""
+    names = [label for n, label in enumerate(curves.labels) if curves.fits_once(n)]
+    return [f"{', '.join(names)}: fitted once, at the end, so that there is no curve; "
+            "refit_every = 1 of a [[strategy]] gives it one"] if names else []
 
 
 def reach_table(curves: Curves) -> TextTable:
@@ -291,14 +303,17 @@ HEADER = ("strategy", "other", "chamfer_mm_then", "chamfer_mm_difference", "ci_l
 
 
 def same_time_table(curves: Curves, against: str | None) -> TextTable:
-    """Every strategy minus `against`, at the time its episodes ended. Raises LeaderboardError."""
-    if against is None or against not in curves.labels:
-        raise LeaderboardError(f"same-time: --against {against or ''}: a strategy of the study is "
-                               f"wanted; {choose(against, curves.labels)}")
+    """Every strategy minus `against` (`best`: the one of the best mean at its end), at the time its
+    episodes ended. Raises LeaderboardError."""
+    if against is None or against not in ("best", *curves.labels):
+        asked = "is needed" if against is None else f"is {against!r}"
+        raise LeaderboardError(f"same-time: --against {asked}; should be best or an entry's name; "
+                               f"{choose(against, ['best', *curves.labels])}")
     if not curves.objects:
         raise LeaderboardError("same-time: no block of episodes is finished for every strategy "
                                "yet; `warpgrasp status` says how far it is")
-    other = curves.labels.index(against)
+    other = int(np.argmin(_last_means(curves))) if against == "best" else curves.labels.index(
+        against)
     then, difference, objects = errors_then(curves, other)
     rows = []
     for entry, label in enumerate(curves.labels):
@@ -308,6 +323,16 @@ def same_time_table(curves: Curves, against: str | None) -> TextTable:
                          *(number_text(float(v[entry]), 3)
                            for v in (difference.value, difference.low, difference.high)), wins))
     return TextTable(HEADER, tuple(rows), curves.notes)
+
+
+def _last_means(curves: Curves) -> np.ndarray:
+    """Each entry's mean error at the end, over objects (entry,); infinite where there is none."""
+    means = [[np.mean([error[-1] for _, error in found]) for found in of_entries]
+             for of_entries in curves.steps["time_s"]]
+    known = np.isfinite(means)
+    total = np.where(known, means, 0.0).sum(axis=0)
+    return np.divide(total, known.sum(axis=0), out=np.full(len(total), np.inf),
+                     where=known.any(axis=0))
 
 
 def errors_then(curves: Curves, other: int) -> tuple[np.ndarray, Estimate, np.ndarray]:

@@ -9,14 +9,15 @@ from sweeps.figures.style import COLOURS, DASHES, MARKERS, MUTED, distinct_label
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-LABELS = {"touches": "touches [1]", "time_s": "robot time [s]"}
+LABELS = {"touches": "touches", "time_s": "robot time [s]"}
 BANDS = 3  # more would hide one another
 MANY = 20  # others, whose lines are then thin
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
     """The best eight by their last error in colour, the others grey; a line ends, with a mark,
-    where the last of its episodes did.
+    where the last of its episodes did. One that was fitted once has no line: its mark stands where
+    its episodes ended in the mean.
 
     Bars show the intervals at the end; for up to three entries bands show them along the curves.
     """
@@ -32,6 +33,12 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         axes, ends = drawn.subplots(1, 2, sharey=True, width_ratios=(4.2, 1.0))
         for place, n in enumerate(shown):
             known = np.flatnonzero(np.isfinite(found[n].value))
+            ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)
+            ends.plot(place, found[n].value[-1], MARKERS[place], color=COLOURS[place], ms=3)
+            if curves.fits_once(n):
+                axes.plot(_mean_end(curves, axis, n), found[n].value[-1], MARKERS[place], ms=3,
+                          ls="none", color=COLOURS[place], label=names[n])
+                continue
             until, end = _while_exploring(curves, axis, n, grid, found[n].value)
             axes.step(grid, until, where="post", color=COLOURS[place], ls=DASHES[place],
                       marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=names[n])
@@ -39,8 +46,6 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
             if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
                                   color=COLOURS[place], alpha=0.2, lw=0)
-            ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)
-            ends.plot(place, found[n].value[-1], MARKERS[place], color=COLOURS[place], ms=3)
         for n in others:
             axes.step(grid, _while_exploring(curves, axis, n, grid, found[n].value)[0],
                       where="post", color=MUTED, lw=0.6 if len(others) <= MANY else 0.2, zorder=1,
@@ -55,6 +60,13 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         drawn.legend(loc="outside lower center", ncols=2, handlelength=3.2, title=keys,
                      title_fontsize=6.5)
     return drawn
+
+
+def _mean_end(curves: Curves, axis: str, entry: int) -> float:
+    """Where an entry's episodes ended, in the mean over objects."""
+    means = [np.mean(ends) for found in curves.steps[axis]
+             if (ends := [at[-1] for at, _ in found[entry] if np.isfinite(at[-1])])]
+    return float(np.mean(means)) if means else float("nan")
 
 
 def _while_exploring(curves: Curves, axis: str, entry: int, grid: np.ndarray, value: np.ndarray

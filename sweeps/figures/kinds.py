@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import sweeps.figures
 from sweeps.analysis.confusion import read_confusion
-from sweeps.analysis.curves import read_curves
+from sweeps.analysis.curves import once_notes, read_curves
 from sweeps.analysis.entries import check_metric
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pareto import COST
@@ -18,7 +18,7 @@ from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
 from sweeps.figures.style import encode
-from sweeps.output import say, write_atomic
+from sweeps.output import note, say, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
@@ -41,6 +41,13 @@ class Asked:
     object: str | None = None
     episode: int = 0
     over: str | None = None
+
+
+def _curves(asked: Asked, axis: str) -> "Figure":
+    curves = read_curves(asked.plan, asked.stores, asked.over)
+    for line in once_notes(curves):
+        note(line)
+    return draw_curves(curves, axis)
 
 
 def _of_episode(name: str) -> Callable[[Asked], "Figure"]:
@@ -81,8 +88,8 @@ def _rerun(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
 # Figures of episodes are attributes of the room, which imports them and the simulator when used.
 KINDS: dict[str, Callable[[Asked], "Figure"]] = {
     "forest": lambda a: draw_forest(read_paired(a.plan, a.stores, [a.metric]), a.metric),
-    "curves-touches": lambda a: draw_curves(read_curves(a.plan, a.stores, a.over), "touches"),
-    "curves-time": lambda a: draw_curves(read_curves(a.plan, a.stores, a.over), "time_s"),
+    "curves-touches": lambda a: _curves(a, "touches"),
+    "curves-time": lambda a: _curves(a, "time_s"),
     "pareto": lambda a: draw_pareto(
         read_paired(a.plan, a.stores, [a.metric, COST], over=a.over), a.metric),
     "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),

@@ -28,7 +28,7 @@ UNITS = {
     "chamfer_mm": "chamfer distance [mm]", "hausdorff95_mm": "Hausdorff distance, 95 % [mm]",
     "normalized_chamfer": "normalized chamfer distance [1]",
     "iou": "intersection over union [1]", "coverage5mm": "surface within 5 mm [1]",
-    "recognized": "recognized [1]", "touches": "touches [1]", "robot_time_s": "robot time [s]",
+    "recognized": "recognized [1]", "touches": "touches", "robot_time_s": "robot time [s]",
     "arm_path_m": "arm path [m]", "fit_rms_mm": "rms of the fit [mm]",
 }
 _STYLE: dict[str, Any] = {

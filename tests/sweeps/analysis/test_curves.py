@@ -26,6 +26,7 @@ from sweeps.analysis.curves import (
 from sweeps.analysis.entries import Entry, LeaderboardError
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.paired import Paired
+from sweeps.figures.curves import draw_curves
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns, write_unit
@@ -47,6 +48,42 @@ def test_same_time_passes_over_an_object_that_all_fail_on(tmp_path: Path) -> Non
     (row,) = table_rows(same_time_table(read_curves(plan, [store]), "s"))
     assert row["wins"].endswith("/2")
     assert float(row["ci_low"]) <= float(row["chamfer_mm_difference"]) <= float(row["ci_high"])
+
+
+def test_same_time_against_the_best(tmp_path: Path) -> None:
+    """As of `pairs`; it used to be refused."""
+    plan, store = wide_study(tmp_path, wide_text(3, 3, 8))
+    curves = read_curves(plan, [store])
+    board = make_leaderboard(plan, [store])
+    best = board.rows[0][board.header.index("strategy")]
+    assert same_time_table(curves, "best") == same_time_table(curves, best)
+    with pytest.raises(LeaderboardError, match=r"--against is 'ss'; .* best or an entry's name; "):
+        same_time_table(curves, "ss")
+    with pytest.raises(LeaderboardError, match="--against is needed; should be best or an entry"):
+        same_time_table(curves, None)
+
+
+def test_who_fits_once_is_told_how_to_get_a_curve(tmp_path: Path) -> None:
+    def rows(unit: Unit) -> Columns:
+        found: Columns = {"touches": np.array([8, 10] * 4), "robot_time_s": np.full(8, 40.0),
+                          "chamfer_mm": np.full(8, 3.0)}
+        many = unit.cell.strategy.name == "sx"
+        return found | {
+            "curve_touches": lists([[4, t] if many else [] for t in found["touches"]]),
+            "curve_time_s": lists([[20, 40] if many else []] * 8),
+            "curve_chamfer_mm": lists([[9, 3] if many else []] * 8)}
+
+    plan, store = written(tmp_path, 2, rows)
+    curves = read_curves(plan, [store])
+    table = curves_table(curves)
+    assert "s: fitted once, at the end, so that there is no curve; refit_every = 1 of a" in (
+        table.notes[-1])
+    assert "NA" not in [row["chamfer_mm"] for row in table_rows(table)]
+    drawn = draw_curves(curves, "touches").axes[0]
+    lines = {line.get_label(): line for line in drawn.get_lines()}
+    assert lines["s"].get_xdata() == [9.0]
+    assert lines["s"].get_linestyle() == "None"
+    assert lines["sx"].get_linestyle() != "None"
 
 
 def test_a_step_function_holds_its_last_value() -> None:
