@@ -20,7 +20,7 @@ from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes, open_study, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import StoreError
-from sweeps.spec.reader import read_spec
+from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
 from warpgrasp.core.plain_text import on_one_line
@@ -45,7 +45,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     for other in others:
         other.resolved()  # refuses a directory that holds no study
     with terminated_as_interrupted(), store.lock(shard):
-        for line in store.open_for(plan, spec.read_bytes(), device):
+        for line in store.open_for(plan, spec_text(spec, settings), device):
             note(line)
         end_race_note(store.logs)
         _reuse(plan, store, others, shard, device)

@@ -18,7 +18,7 @@ from sweeps.run.local_engine import Options, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
-from sweeps.spec.reader import read_spec
+from sweeps.spec.reader import read_spec, spec_text
 from sweeps.text_table import print_table
 from warpgrasp.core.plain_text import on_one_line
 
@@ -41,7 +41,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     until = began + 60.0 * minutes if minutes is not None else float("inf")
     course = _course(spec, plan, store, rules, episodes, metric, over, until)
     with terminated_as_interrupted(), store.lock(options.shard):
-        for line in store.open_for(plan, spec.read_bytes(), options.device):
+        for line in store.open_for(plan, spec_text(spec, settings), options.device):
             note(line)
         begin_race_note(store.logs, metric, over)
         try:

@@ -20,7 +20,7 @@ from sweeps.run.local_engine import Options, terminated_as_interrupted
 from sweeps.run.plan import BLOCK, Plan, Unit, plan_study
 from sweeps.run.store import Store, plan_of
 from sweeps.spec.errors import StoreError
-from sweeps.spec.reader import read_spec
+from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 
 METRIC = "chamfer_mm"
@@ -33,6 +33,7 @@ class Growth(Course):
     """A sweep that grows: what the engine asks for the next units."""
 
     spec: Path = Path()
+    settings: Sequence[str] = ()
     device: str = "cpu"
 
     def further(self) -> Sequence[Unit]:
@@ -52,8 +53,10 @@ class Growth(Course):
             there = int(store.resolved()["study"]["episodes_per_cell"])
         except StoreError:
             there = 0
-        for line in store.open_for(grown(self.units.plan, max(episodes, there)),
-                                   self.spec.read_bytes(), self.device):
+        episodes = max(episodes, there)
+        settings = [text for text in self.settings if not text.startswith("episodes_per_cell")]
+        text = spec_text(self.spec, [*settings, f"episodes_per_cell={episodes}"])
+        for line in store.open_for(grown(self.units.plan, episodes), text, self.device):
             note(line)
 
 
@@ -89,7 +92,8 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
     units = RaceUnits(plan, store, METRIC, "these")
     rules = replace(rules_of(within, 95.0, _whole(plan.study.head.episodes_per_cell), None, METRIC),
                     everyone=True, whole=BLOCK)
-    course = Growth(Race(len(units.entries), rules), units, spec=spec, device=options.device)
+    course = Growth(Race(len(units.entries), rules), units, spec=spec,
+                    settings=settings, device=options.device)
     check_entries(units, spec)
     with terminated_as_interrupted(), store.lock(options.shard):
         course.grow(rules.start)

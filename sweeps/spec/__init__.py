@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "named_files": ["UNSWEPT", "arms_of", "in_column", "read_arm", "read_reconstruct",
         "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
-    "reader": ["read_spec"],
+    "reader": ["read_spec", "spec_text"],
     "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
         "with_points"],
     "study": ["Axis", "Body", "ARM_KEY", "FILE_KEYS", "HAND_KEY", "Study", "StudyTable"],

@@ -177,8 +177,18 @@ class NoFile(ValueError):
     """A file that cannot be used; the message says why."""
 
 
+def _kept(value: str, base_dir: Path) -> Path:
+    """The only copy of a file of that name that a study keeps. Raises OSError."""
+    folders = [*base_dir.glob("inputs/*"), *base_dir.glob("inputs/*/*")]
+    found = [file for folder in folders if (file := folder / Path(value).name).is_file()]
+    if len(found) != 1:
+        raise OSError
+    return found[0].resolve()
+
+
 def named_file(value: Any, base_dir: Path, limit: int) -> Path:
-    """The file a spec names, relative to the spec, made absolute. Raises NoFile.
+    """The file a spec names, relative to the spec, made absolute; beside the spec that a study
+    keeps, the copy in its `inputs/`. Raises NoFile.
 
     Devices, pipes and the endless files of /proc, which say that they are empty, are refused.
     """
@@ -187,7 +197,7 @@ def named_file(value: Any, base_dir: Path, limit: int) -> Path:
     try:
         file = (base_dir / value).resolve()
         if not file.is_file():
-            raise OSError
+            file = _kept(value, base_dir)
         size = file.stat().st_size
     except (OSError, ValueError, RuntimeError):
         raise NoFile(f"{short(value)} is not a file; relative to the spec that is "

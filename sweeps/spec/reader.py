@@ -1,5 +1,8 @@
 """Reading a spec: TOML to a resolved `Study`, or every problem at once with file and line."""
 
+import json
+import re
+from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path as FilePath
@@ -35,11 +38,14 @@ TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep", "search")
 
 
 def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
-    """The study a spec describes, with `--set KEY=V1,V2` overrides; `SpecError` lists problems."""
+    """The study a spec describes, with `--set KEY=V1,V2` overrides; `SpecError` lists problems.
+
+    A spec that a study keeps has the overrides that it was run with under its key `set`.
+    """
     values, lines = read_toml(file)
     problems = Problems(str(file), lines)
     try:
-        text_axes, head_values = read_overrides(overrides)
+        text_axes, head_values = read_overrides(_settings(values.pop("set", []), overrides))
     except SpecError as error:
         problems.found.extend(error.problems)
         text_axes, head_values = {}, {}
@@ -50,6 +56,24 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
     if problems.found:
         raise SpecError(sorted(problems.found, key=_place))
     return study
+
+
+def spec_text(file: FilePath, overrides: Sequence[str]) -> bytes:
+    """The text of a spec that alone, without `--set`, describes the same study."""
+    text = file.read_bytes().removeprefix(BOM_UTF8)
+    if not overrides:
+        return text
+    given = _settings(read_toml(file)[0].get("set", []), overrides)
+    line = f"set = {json.dumps(given, ensure_ascii=False)}  # what --set said\n"
+    return line.encode() + re.sub(rb"(?m)^set = .*\n", b"", text, count=1)
+
+
+def _settings(own: Any, overrides: Sequence[str]) -> list[str]:
+    """The overrides of a spec's key `set`, and those of the command, which come before them."""
+    if not isinstance(own, list) or not all(isinstance(text, str) for text in own):
+        raise SpecError([Problem("set", "", 'should be a list of texts such as "seed=8"')])
+    keys = {text.partition("=")[0].strip() for text in overrides}
+    return [*(text for text in own if text.partition("=")[0].strip() not in keys), *overrides]
 
 
 def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,

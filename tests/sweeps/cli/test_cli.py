@@ -15,6 +15,8 @@ from studies import SMALL, write_spec
 from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.run import worker
+from warpgrasp.hands.hand_file import hand_named
+from warpgrasp.hands.hand_writer import hand_text
 
 BIG = SMALL.replace("= 70\no", "= 640\no")
 FAKE = "fake_episodes:run_episodes"
@@ -87,6 +89,32 @@ def test_a_sweep_ends_with_its_leaderboard(
 
     assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3
     assert "seed: 7 -> 8" in capsys.readouterr().err
+
+
+def test_what_a_study_keeps_is_run_again_from_it_alone(
+        tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its spec used to lack what --set said, and to find its files only where they had been."""
+    spec, out, given = write_spec(tmp_path), tmp_path / "out", tmp_path / "given"
+    (tmp_path / "mine.toml").write_text(hand_text(hand_named("leap")))
+    spec.write_text('hand = "mine.toml"\narm = "none"\n' + spec.read_text())
+    words = ["sweep", str(spec), "-o", str(out), "--set", "episodes_per_cell=20"]
+    assert cli.run([*words, "--set", "sensors.torque_threshold_Nm=0.1,0.2"]) == 0
+    assert cli.run(["sweep", str(out / "spec.toml"), "-o", str(out)]) == 0
+    assert "finished already" in capsys.readouterr().err
+    shutil.copytree(out, given)
+    (tmp_path / "mine.toml").unlink()
+    assert cli.run(["check", str(given / "spec.toml"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["hash"] == json.loads(
+        (out / "resolved.json").read_text())["hash"]
+    assert cli.run(["sweep", str(given / "spec.toml"), "-o", str(tmp_path / "again")]) == 0
+    assert (tmp_path / "again/leaderboard.csv").read_bytes() == (
+        out / "leaderboard.csv").read_bytes()
+    more = ["--set", "episodes_per_cell=30"]
+    assert cli.run(["sweep", str(given / "spec.toml"), "-o", str(given), *more]) == 0
+    lines = (given / "spec.toml").read_text().splitlines()
+    assert lines[0] == ('set = ["sensors.torque_threshold_Nm=0.1,0.2", "episodes_per_cell=30"]  '
+                        "# what --set said")
+    assert lines[1:] == spec.read_text().splitlines()
 
 
 def test_a_value_more_runs_only_its_own_units(
