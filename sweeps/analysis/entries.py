@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from strategies.ready_made import REFERENCE
-from sweeps.run.plan import Plan, Unit, cell_hash
+from sweeps.run.plan import Plan, Unit, cell_hash, part_of
 from sweeps.spec.errors import choose
 from sweeps.spec.study import Axis
 
@@ -159,7 +159,9 @@ def value_text(value: Any, exact: bool = False) -> str:
 
 def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                   axes: Sequence[int], body: int) -> Iterator[PairedBlock]:
-    """The blocks of episodes on one object, every case, read one at a time."""
+    """The blocks of episodes on one object, every case, read one at a time. Of a study that is
+    growing, the blocks that it had before where not all entries have more yet."""
+    earlier = sorted({count for store in stores for count in store.earlier()}, reverse=True)
     for case in averaged_points(plan, axes):
         cells = [plan.study.cell(entry.strategy, body,
                                  setting_index(plan, {**case, **entry.points}))
@@ -168,8 +170,30 @@ def paired_blocks(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
         for block in range(plan.block_count):
             units = [plan.unit(cell, name, block)
                      for cell, name in zip(cells, hashes, strict=True)]
-            yield PairedBlock(block, units[0].stop - units[0].start,
-                              tuple(_find(stores, unit) for unit in units))
+            yield _paired_block(stores, block, units, earlier)
+
+
+def _paired_block(stores: Sequence[Store], number: int, units: Sequence[Unit],
+                  earlier: Sequence[int]) -> PairedBlock:
+    start, stop = units[0].start, units[0].stop
+    found = tuple(_find(stores, unit) for unit in units)
+    ends = [count for count in earlier if start < count < stop]
+    if any(rows is None for rows in found):
+        for end in ends:
+            short = tuple(_beginning(stores, unit, rows, [n for n in ends if n >= end], end)
+                          for unit, rows in zip(units, found, strict=True))
+            if all(rows is not None for rows in short):
+                stores[0].growing = True
+                return PairedBlock(number, end - start, short)
+    return PairedBlock(number, stop - start, found)
+
+
+def _beginning(stores: Sequence[Store], unit: Unit, rows: Columns | None, ends: Sequence[int],
+               end: int) -> Columns | None:
+    """The rows of a unit's episodes before `end`, from the unit or its part up to one of `ends`."""
+    parts = (_find(stores, part_of(unit, unit.start, stop)) for stop in ends)
+    rows = rows if rows is not None else next((part for part in parts if part is not None), None)
+    return rows and {name: values[:end - unit.start] for name, values in rows.items()}
 
 
 def averaged_points(plan: Plan, axes: Sequence[int]) -> Iterator[dict[int, int]]:

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run",
                      "terminated_as_interrupted"],
     "plan": ["BLOCK", "LEAST_RUNS", "Plan", "Unit", "by_key", "canonical_body", "cell_hash",
-             "differences", "digest", "plan_study", "unit_id"],
+             "differences", "digest", "part_of", "plan_study", "unit_id"],
     "progress": ["Progress", "read_note"],
     "ray_engine": ["run_on_ray"],
     "scheduler": ["Outcome"],

@@ -8,12 +8,12 @@ and the two are joined to the file that a run of the whole unit would have writt
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sweeps.output import write_atomic
-from sweeps.run.plan import Plan, Unit, unit_id
+from sweeps.run.plan import Plan, Unit, part_of
 from sweeps.run.store import Store
 from sweeps.run.unit_file import DamagedUnit, read_unit, write_unit
 
@@ -45,7 +45,7 @@ def begun(unit: Unit, earlier: Sequence[int], there: set[str]) -> Unit | None:
     """
     stops = {count for count in earlier if unit.start < count < unit.stop}
     for stop in sorted(stops, reverse=True):
-        part = _part(unit, unit.start, stop)
+        part = part_of(unit, unit.start, stop)
         if part.id in there:
             return part
     return None
@@ -53,7 +53,7 @@ def begun(unit: Unit, earlier: Sequence[int], there: set[str]) -> Unit | None:
 
 def rest_of(unit: Unit, part: Unit) -> Unit:
     """What is to be run of a unit of which a part is there."""
-    return _part(unit, part.stop, unit.stop)
+    return part_of(unit, part.stop, unit.stop)
 
 
 def join(store: Store, part: Unit, rest: Unit, whole: Unit) -> bool:
@@ -101,7 +101,3 @@ def _take(store: Store, other: Store, unit: Unit) -> bool:
         except OSError:  # on another disk, or there already
             write_atomic(ours, theirs.read_bytes())
     return True
-
-
-def _part(unit: Unit, start: int, stop: int) -> Unit:
-    return replace(unit, id=unit_id(unit.cell_hash, start, stop), start=start, stop=stop)

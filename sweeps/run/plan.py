@@ -140,6 +140,11 @@ def unit_id(cell_name: str, start: int, stop: int) -> str:
     return digest([RESULTS_SCHEMA, cell_name, start, stop])
 
 
+def part_of(unit: Unit, start: int, stop: int) -> Unit:
+    """The unit of some of a unit's episodes."""
+    return Unit(unit_id(unit.cell_hash, start, stop), unit.cell_hash, unit.cell, start, stop)
+
+
 def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
     """A strategy as plain data; a file of poses by its content."""
     waypoints = []

@@ -56,6 +56,7 @@ class Store:
         self.contacts = folder / "contacts"
         self.logs = folder / "logs"
         self.damaged = 0  # units set aside so far
+        self.growing = False  # blocks were read as they were before the study grew
 
     def refuse_other_files(self) -> None:
         """Refuses a directory that holds other things than a study, or what one begins with.
@@ -334,9 +335,14 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
 
 
 def damaged_notes(stores: Sequence[Store]) -> list[str]:
-    """What a reader should know of files that turned out to be damaged while they were read."""
-    return [f"{store.damaged} damaged units were set aside; see {store.logs}; run the sweep again "
-            "to repeat them" for store in stores if store.damaged]
+    """What a reader should know of files that turned out to be damaged while they were read, and
+    of a study whose growth is not finished."""
+    growing = [f"{store.folder}: the study has grown, and not every entry has more episodes yet: "
+               "where one has not, those from before count; run the sweep again to go on"
+               for store in stores if store.growing]
+    return growing + [
+        f"{store.damaged} damaged units were set aside; see {store.logs}; run the sweep again to "
+        "repeat them" for store in stores if store.damaged]
 
 
 def plan_of(store: Store) -> Plan:

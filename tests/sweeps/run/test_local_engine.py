@@ -1,3 +1,5 @@
+import csv
+import io
 import os
 import shutil
 from multiprocessing import connection
@@ -13,7 +15,7 @@ from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
 from sweeps.run.plan import Plan
 from sweeps.run.scheduler import Outcome
-from sweeps.run.store import Store
+from sweeps.run.store import Store, damaged_notes
 from sweeps.run.worker import run_units
 from sweeps.spec.errors import Held, OtherStudy, StoreError
 
@@ -126,6 +128,29 @@ def test_more_episodes_run_only_the_rest_of_each_unit(
                  for file in (tmp_path / "whole" / folder).iterdir()}
         assert files == {file.name: file.read_bytes()
                          for file in (tmp_path / "grown" / folder).iterdir()}
+
+
+def test_a_study_that_is_growing_has_the_leaderboard_of_before(tmp_path: Path) -> None:
+    """An entry without more episodes yet used to leave nothing of the others' either."""
+    def plan(count: int) -> Plan:
+        return plan_of(tmp_path / f"spec{count}", SMALL.replace("cell = 70", f"cell = {count}"))
+
+    def means(of: Plan) -> list[dict[str, str]]:
+        rows = csv.DictReader(io.StringIO(board(of, tmp_path / "out").decode()))
+        return [{key: row[key] for key in ("strategy", "chamfer_mm", "n_episodes")} for row in rows]
+
+    old, grown = plan(40), plan(60)
+    run_in(tmp_path / "out", old)
+    before = means(old)
+    run_in(tmp_path / "whole", grown)
+    store = Store(tmp_path / "out")
+    store.open_for(grown, None, "cpu")
+    unit, part = next(iter(grown.units())), next(iter(old.units()))
+    shutil.copy(Store(tmp_path / "whole").path(unit), store.path(unit))
+    store.path(part).unlink()  # as a run that was stopped leaves them
+    assert means(grown) == before
+    make_leaderboard(grown, [store])
+    assert "not every entry has more episodes yet" in damaged_notes([store])[0]
 
 
 def test_another_spec_is_refused_and_changes_nothing(whole: tuple[Plan, Path]) -> None:
