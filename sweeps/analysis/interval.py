@@ -28,8 +28,8 @@ LEVEL = 0.95
 _SKEWNESS = 0.8
 """Of objects' means, on a log scale where they are positive, and of their differences [est]:
 between strategies and sets of objects it varies from 0 to 2."""
-_NOTHING_KNOWN = np.log(100.0)
-"""Of a positive mean: an interval that would reach a hundred times farther says nothing."""
+_NOTHING_KNOWN = 100.0
+"""An interval that reaches so many times as far as a positive mean says nothing."""
 _BATCH = 100
 _SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
 _FREEDOMS = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0, 30.0, 80.0, np.inf)
@@ -176,8 +176,7 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
     """
     low, high = bounds
     if low == 0.0 and high == np.inf:
-        share = np.divide(half, mean, where=mean > 0, out=np.zeros_like(mean))
-        factor = np.exp(np.where(share > _NOTHING_KNOWN, np.nan, share))
+        factor = np.exp(np.divide(half, mean, where=mean > 0, out=np.zeros_like(mean)))
         return mean / factor, mean * factor
     if (low, high) == (0.0, 1.0):
         inside = mean * (1.0 - mean)
@@ -185,6 +184,14 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
         return (mean / (mean + (1.0 - mean) * factor),
                 mean * factor / (mean * factor + 1.0 - mean))
     return mean - half, mean + half
+
+
+def told(found: Estimate) -> Estimate:
+    """The estimate as a table shows it: without ends where they are beyond all reason, such as
+    kilometres for a mean of millimetres."""
+    senseless = (found.value > 0.0) & (found.high > _NOTHING_KNOWN * found.value)
+    return Estimate(found.value, *(np.where(senseless, np.nan, end)
+                                   for end in (found.low, found.high)))
 
 
 def students_t(freedom: np.ndarray, comparisons: int = 1) -> np.ndarray:

@@ -87,7 +87,8 @@ def test_unfinished_studies_have_the_intervals_of_what_is_there(
     assert end.low[-1] < end.value[-1] < end.high[-1]
     (row,) = table_rows(same_time_table(curves, "s"))
     assert float(row["ci_low"]) < float(row["chamfer_mm_difference"]) < float(row["ci_high"])
-    assert reach(curves, "time_s", 0, 20.0).low > min(first_fits)
+    # Widened, as few objects deserve, it may begin a little before the first of all fits.
+    assert reach(curves, "time_s", 0, 20.0).low > 0.9 * min(first_fits)
     first, *_ = table_rows(pareto_table(
         read_paired(plan, [store], ["chamfer_mm", "robot_time_s"]), "chamfer_mm"))
     assert float(first["chamfer_mm_ci_low"]) < float(first["chamfer_mm_ci_high"])
