@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import compress
 
 import numpy as np
 
@@ -102,7 +103,8 @@ class Paired:
 
     An episode run under several settings is one row: its mean over them."""
     means: dict[str, np.ndarray]
-    """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data."""
+    """By metric, (1 + replicate, entry): the mean over objects, then episodes; row 0 the data. In
+    all metrics of the objects where the first one is known: replicates are drawn alike."""
     notes: tuple[str, ...]
     over: str = "like-these"
     """What the replicates are of: objects like these, or these with other episodes."""
@@ -151,18 +153,20 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
         for name in metrics:
             ranked = name == metrics[0] or name not in COSTS
             values[name].append(found.filled(name) if ranked else found.costs(name))
+    there = [bool(np.isfinite(found).all()) for found in values[metrics[0]]]
+    kept = there if any(there) else [True] * len(there)  # replicates of all are of the same objects
+    known = {name: list(compress(found, kept)) for name, found in values.items()}
     means = {name: replicate_means(
                  of_objects if name == metrics[0] else _objects_filled(of_objects), seed, over)
              if of_objects else np.full((1 + REPLICATES, len(entries)), np.nan)
-             for name, of_objects in values.items()}
-    lost = [name for name, found in zip(objects, values[metrics[0]], strict=True)
-            if not np.isfinite(found).all()]
-    known = len(objects) - len(lost)
-    over = population(over, known)
+             for name, of_objects in known.items()}
+    lost = [name for name, used in zip(objects, there, strict=True) if not used]
+    count = len(objects) - len(lost)
+    over = population(over, count)
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
-                  (*reading_notes(plan, missing, known), *lost_notes(lost, metrics[0]),
-                   *few_episodes_note(known, min(map(len, values[metrics[0]]), default=0)),
+                  (*reading_notes(plan, missing, count), *lost_notes(lost, metrics[0]),
+                   *few_episodes_note(count, min(map(len, values[metrics[0]]), default=0)),
                    interval_note(over)), over)
 
 

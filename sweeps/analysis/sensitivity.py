@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 from scipy.stats import kendalltau
 
-from sweeps.analysis.entries import value_text
-from sweeps.run.plan import Plan, cell_hash
+from sweeps.analysis.entries import Entry, value_text
+from sweeps.analysis.paired import read_objects
+from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.errors import Problem, SpecError
 from sweeps.text_table import number_text
@@ -30,8 +31,8 @@ METRIC = "chamfer_mm"
 SIDES = ("both", "truth", "belief")
 SWEPT = "robot.swept"
 """The key that says whose a constant is."""
-SURE = 2.0
-"""Standard errors by which a pair of strategies must differ, both ways, to count as swapped."""
+SURE = 0.05
+"""The chance that any pair is called swapped in any setting and is not, at most."""
 
 
 @dataclass(frozen=True)
@@ -123,48 +124,58 @@ def check_study(plan: Plan, file: Path) -> None:
 
 def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], list[str]]:
     """A row a setting, and notes. `tau` is Kendall's rank correlation with the default's."""
-    scores = _scores(plan, store)  # (setting, strategy, object, episode)
+    scores, read = _scores(plan, store)  # (setting, strategy, object, episode)
     names = [s.name for s in plan.study.strategies]
     base = scores[0]
+    sure = _sure(scores)
     rows = []
     for number, values in enumerate(scores):
         key, value, side = _changed(plan, number)
         means = _means(values)
-        change = means - _means(base)
         best, least, mean = "NA", "NA", "NA"
-        if np.isfinite(means).any():  # a strategy that always fails is not the best
-            best, least = names[int(np.nanargmin(means))], f"{np.nanmin(means):.3f}"
-        if np.isfinite(change).any():
-            mean = f"{np.nanmean(change):+.3f}"
+        if np.isfinite(means).all():
+            best, least = names[int(means.argmin())], f"{means.min():.3f}"
+            mean = f"{(means - _means(base)).mean():+.3f}"
         rows.append((key, value, side, number_text(_tau(_means(base), means), 2), best, least, mean,
-                     _swapped(base, values, names)))
+                     _swapped(base, values, names, sure)))
     chance = _tau_by_chance(base)
     low, middle = (number_text(v, 2) for v in np.quantile(chance, [0.05, 0.5]))
     shape = "{2} objects x {3} episodes".format(*scores.shape)
-    notes = [f"{len(names)} strategies x {shape} a setting, ranked by mean {METRIC}",
-             f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
-             "a tau above that says nothing"]
-    notes += [f"{name} has no score in {count} of {len(scores)} settings, and is left out there: "
-              "all its episodes failed" for name, count in
-              zip(names, np.isnan([_means(v) for v in scores]).sum(axis=0), strict=True) if count]
-    return rows, notes
+    return rows, [
+        f"{len(names)} strategies x {shape} a setting, ranked by mean {METRIC}",
+        f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
+        "a tau above that says nothing", *read]
 
 
-def _scores(plan: Plan, store: Store) -> np.ndarray:
+def _scores(plan: Plan, store: Store) -> tuple[np.ndarray, list[str]]:
+    """Scores (setting, strategy, object, episode) of the same episodes everywhere, as on a
+    leaderboard of all settings: a failed one counts as the worst, what not all have is left out.
+    And notes of what was read."""
     study = plan.study
-    out = np.full((study.setting_count, len(study.strategies), len(study.objects),
-                   study.head.episodes_per_cell), np.nan)
-    # A strategy of which a constant says nothing has the same cell under each of its values.
-    for setting, strategy, body in np.ndindex(out.shape[:3]):
-        cell = study.cell(strategy, body, setting)
-        name = cell_hash(cell, study.objects[body])
-        for block in range(plan.block_count):
-            unit = plan.unit(cell, name, block)
-            rows = store.read(unit)
-            if rows is not None:
-                out[setting, strategy, body, unit.start:unit.stop] = np.asarray(
-                    rows[METRIC], float)
-    return out
+    sizes = tuple(len(axis.values) for axis in study.axes)
+    entries = [Entry(strategy, given.name, dict(enumerate(map(int, np.unravel_index(n, sizes)))))
+               for n in range(study.setting_count)
+               for strategy, given in enumerate(study.strategies)]
+    failed, missing, lost, found = np.zeros(len(entries), int), 0, [], []
+    for rows in read_objects(plan, [store], entries, range(len(sizes)), [METRIC]):
+        missing += rows.missing
+        filled = rows.filled(METRIC) if rows.episodes else np.full((1, len(entries)), np.nan)
+        if not np.isfinite(filled).all():
+            lost.append(rows.name)
+            continue
+        failed += (~np.isfinite(rows.values[METRIC])).sum(axis=0)
+        found.append(filled)
+    shape = study.setting_count, len(study.strategies)
+    out = np.full((*shape, len(found), max(map(len, found), default=1)), np.nan)
+    for n, values in enumerate(found):
+        out[:, :, n, :len(values)] = values.T.reshape(*shape, -1)
+    notes = [f"{count} of {shape[0] * sum(map(len, found))} episodes of {given.name} have no score "
+             "and count as the worst on their object" for count, given in
+             zip(failed.reshape(shape).sum(axis=0), study.strategies, strict=True) if count]
+    if missing:
+        notes.append(f"{missing} units are missing; blocks of episodes that not every strategy has "
+                     "in every setting are left out")
+    return out, notes + [f"{name} is left out: nothing has a score there" for name in lost]
 
 
 def _means(values: np.ndarray) -> np.ndarray:
@@ -195,24 +206,36 @@ def _tau_by_chance(base: np.ndarray) -> np.ndarray:
     return np.array([_tau(a, b) for a, b in zip(drawn[::2], drawn[1::2], strict=True)])
 
 
-def _swapped(base: np.ndarray, values: np.ndarray, names: Sequence[str]) -> str:
+def _sure(scores: np.ndarray) -> float:
+    """Standard errors by which a pair must differ, both ways, to be swapped for sure: Student's,
+    with Bonferroni's correction for all pairs and settings."""
+    from scipy.special import stdtrit
+
+    settings, strategies, objects, episodes = scores.shape
+    claims = settings * strategies * (strategies - 1) / 2
+    freedom = max(objects * (episodes - 1), 1)
+    return float(stdtrit(freedom, 1.0 - SURE / (2.0 * claims)))
+
+
+def _swapped(base: np.ndarray, values: np.ndarray, names: Sequence[str], sure: float) -> str:
     """Pairs that are surely one way by default and surely the other way now (paired episodes)."""
     found = []
     for a, b in combinations(range(len(names)), 2):
         before, after = _lead(base[a] - base[b]), _lead(values[a] - values[b])
-        if min(abs(before), abs(after)) > SURE and before * after < 0:
+        if min(abs(before), abs(after)) > sure and before * after < 0:
             found.append(f"{names[a]} {'<' if after < 0 else '>'} {names[b]}")
     return "; ".join(found) or "none"
 
 
 def _lead(difference: np.ndarray) -> float:
-    """Mean of (object, episode) in its standard errors, the objects being given."""
-    told = difference[np.isfinite(difference).sum(-1) > 1]
+    """The mean over objects of means over episodes, (object, episode), in its standard errors, the
+    objects being given."""
+    count = np.isfinite(difference).sum(-1)
+    told, count = difference[count > 1], count[count > 1]
     if not len(told):
         return 0.0
-    error = np.sqrt((np.nanvar(told, axis=-1, ddof=1)
-                     / np.isfinite(told).sum(-1)).sum()) / len(told)
-    return float(np.nanmean(told) / max(error, 1e-12))
+    error = np.sqrt((np.nanvar(told, axis=-1, ddof=1) / count).sum()) / len(told)
+    return float(_mean(_mean(told)) / max(error, 1e-12))
 
 
 def _changed(plan: Plan, number: int) -> tuple[str, str, str]:

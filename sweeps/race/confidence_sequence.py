@@ -9,8 +9,8 @@ theory and asymptotic confidence sequences, Annals of Statistics 52; Howard, Ram
 Sekhon 2021, Time-uniform, nonparametric, nonasymptotic confidence sequences, Annals of Statistics
 49). It holds in the limit of many draws. Of few draws the standard error is itself uncertain; the
 multiple is therefore raised from the normal to Student's distribution at the same tail probability.
-Of draws that all agree the standard error is zero, which is no proof that none differs: by how much
-such draws may hide a rare loss is in `unseen_loss`.
+A standard error knows nothing of a rare and large loss that has not been drawn yet, and too little
+of one that was drawn once or twice: by how much such a loss may lower the mean is in `rare_loss`.
 
 *Safe*: for draws between bounds, whatever their distribution, from the first draw on: the
 predictable plug-in empirical Bernstein sequence (Waudby-Smith and Ramdas 2024, Estimating means of
@@ -63,17 +63,14 @@ def stratified_lower(values: np.ndarray, alpha: float) -> np.ndarray:
     return values.mean(axis=(1, 2)) - multiple * np.sqrt(variance)
 
 
-def unseen_loss(values: np.ndarray, alpha: float, most: float) -> np.ndarray:
-    """By how much the mean may be lower than it seems, where all draws of a stratum agree: (case,).
+def rare_loss(most: float, draws: int, alpha: float) -> float:
+    """By how much a mean may be lower than it seems, for draws that are lower by up to `most`.
 
-    `values` (case, stratum, draw). A share p of the draws of such strata may be lower by up to
-    `most`, and `n` draws show none of them with a chance of at most (1 - p)^n: this is p at which
-    that chance is `alpha` (Hanley and Lippman-Hand 1983, If nothing goes wrong, is everything all
-    right?, JAMA 249). It holds at every look at once, for draws that agree agreed before, too.
+    A share p of draws may be so low, and so many draws show none with a chance of (1 - p)^draws:
+    this is p at which that chance is `alpha`, times `most` (Hanley and Lippman-Hand 1983, If
+    nothing goes wrong, is everything all right?, JAMA 249). Draws from several strata count alike.
     """
-    alike = (values == values[:, :, :1]).all(axis=2)
-    draws = np.maximum(alike.sum(axis=1) * values.shape[2], 1)
-    return most * alike.mean(axis=1) * (1.0 - alpha ** (1.0 / draws))
+    return most * (1.0 - alpha ** (1.0 / draws))
 
 
 def safe_lower(values: np.ndarray, alpha: float, low: float, high: float) -> np.ndarray:

@@ -48,7 +48,7 @@ class Course:
             found = self.units.scores(self.asked)
             if damaged := self.units.missing:
                 return self._once_more(damaged)
-            look = self.race.take(self.asked, found)
+            look = self.race.take(self.asked, found, self.units.worst)
             note(self._line(look))
             self.looked()
             self.asked = []

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.race.confidence_sequence import safe_lower, stratified_lower, unseen_loss
+from sweeps.race.confidence_sequence import rare_loss, safe_lower, stratified_lower
 from sweeps.race.rung_level import level_at_rungs, next_rung
 
 START = 8
@@ -39,6 +39,9 @@ one leads."""
 STAYS = 0.5
 """A leader stays, though another has a lower mean by less than half of `within`, where the race
 should need less than this share of the replicates that it needs if the other one leads."""
+RARE = 0.2
+"""The level for rare losses, as a share of a bound's: few of them, drawn early or late, are looked
+at in many rungs. Simulated in docs/race.md."""
 MOST_TIMES = 30.0
 """A bound is not taken to need more than this squared times the replicates that it has."""
 
@@ -161,8 +164,12 @@ class Race:
             return []
         return [(int(e), int(count[e]), int(stop[e])) for e in np.flatnonzero(stop > count)]
 
-    def take(self, asked: Sequence[Part], found: Sequence[np.ndarray]) -> Look:
-        """Takes in the scores of what was asked, each (stratum, replicate), less being better."""
+    def take(self, asked: Sequence[Part], found: Sequence[np.ndarray],
+             worst: np.ndarray | None = None) -> Look:
+        """Takes in the scores of what was asked, each (stratum, replicate), less being better.
+
+        `worst` (stratum,) is how bad a replicate may be, though none was so bad yet.
+        """
         number = len(self.looks) + 1
         for (entry, start, _), values in zip(asked, found, strict=True):
             cut = np.clip(values, *self.rules.bounds) if self.rules.bounds else values
@@ -170,7 +177,7 @@ class Race:
                                    else np.asarray(cut, float))
             self.last_rung[entry] = number
         before = self.looks[-1].leader if self.looks else None
-        look = judge(number, self._scores, self._out, self.rules, before)
+        look = judge(number, self._scores, self._out, self.rules, before, worst)
         self.looks.append(look)
         self._out = look.out
         count = look.replicates
@@ -191,23 +198,26 @@ def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.n
 
 
 def judge(number: int, scores: Sequence[np.ndarray], out: np.ndarray, rules: Rules,
-          before: int | None = None) -> Look:
+          before: int | None = None, worst: np.ndarray | None = None) -> Look:
     """The look after a rung. Of the entries with most replicates leads the one of the lowest mean;
     or the leader `before`, where it is about as good and the race should end far sooner; or another
-    of the lowest means, if that one leaves none open."""
+    of the lowest means, if that one leaves none open. A replicate may be as bad as any was so far,
+    or `worst` (stratum,)."""
     count = np.array([values.shape[1] for values in scores])
+    seen = np.max([values.max(axis=1) for values in scores if values.size], axis=0)
+    most = seen if worst is None else np.maximum(seen, worst)
     means = np.array([values.mean() if values.size else np.inf for values in scores])
     may_lead = np.flatnonzero(~out & (count == count.max()))
     best = may_lead[np.argsort(means[may_lead], kind="stable")][:CANDIDATES]
-    first = _against(int(best[0]), number, scores, count, out, rules)
+    first = _against(int(best[0]), number, scores, count, out, rules, most)
     if (first.open.any() and before is not None and before != best[0] and before in may_lead
             and means[before] - means[best[0]] < rules.within / 2.0):
-        stays = _against(before, number, scores, count, out, rules)
+        stays = _against(before, number, scores, count, out, rules, most)
         if replicates_left(stays, rules.within) < STAYS * replicates_left(first, rules.within):
             first = stays
     if not 0 < first.open.sum() <= CANDIDATES:
         return first
-    others = (_against(int(leader), number, scores, count, out, rules) for leader in best
+    others = (_against(int(leader), number, scores, count, out, rules, most) for leader in best
               if leader != first.leader)
     return next((look for look in others if not look.open.any()), first)
 
@@ -223,15 +233,15 @@ def replicates_left(look: Look, within: float) -> float:
 
 
 def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.ndarray,
-             out: np.ndarray, rules: Rules) -> Look:
+             out: np.ndarray, rules: Rules, worst: np.ndarray) -> Look:
     """The look if this entry leads."""
     alpha = (1.0 - rules.confidence) / max(len(scores) - 1, 1)
     difference, lower, surely = np.zeros((3, len(scores)))
     others = np.arange(len(scores)) != leader
-    most = _largest_difference(scores)
     for shared in np.unique(np.minimum(count, count[leader])[others]):
         mine = np.flatnonzero(others & (np.minimum(count, count[leader]) == shared))
         apart = np.stack([scores[int(e)][:, :shared] - scores[leader][:, :shared] for e in mine])
+        most = float((worst - scores[leader][:, :shared].mean(axis=1)).max())
         difference[mine] = apart.mean(axis=(1, 2))
         lower[mine], surely[mine] = (_lower(apart, level, most, rules)
                                      for level in (alpha, alpha / len(scores)))
@@ -240,18 +250,16 @@ def _against(leader: int, number: int, scores: Sequence[np.ndarray], count: np.n
                 ~beaten & (lower < -rules.within))
 
 
-def _largest_difference(scores: Sequence[np.ndarray]) -> float:
-    """The largest difference on one object between any two scores so far."""
-    taken = [values for values in scores if values.size]
-    highest = np.max([values.max(axis=1) for values in taken], axis=0)
-    return float((highest - np.min([values.min(axis=1) for values in taken], axis=0)).max())
-
-
 def _lower(apart: np.ndarray, alpha: float, most: float, rules: Rules) -> np.ndarray:
-    """Lower bounds of mean differences (case, stratum, replicate); none is thought to be larger
-    than `most`."""
+    """Lower bounds of mean differences (case, stratum, replicate). A replicate may rarely be worse
+    for the leader, by `most`, whether or not that has been seen.
+
+    What noise and what rare losses may hide is added as the legs of a right triangle: at the level
+    of a bound both are not at their worst at once."""
     if rules.bounds is None:
-        return (stratified_lower(apart, level_at_rungs(rules.start, alpha, rules.whole))
-                - unseen_loss(apart, alpha, most))
+        mean = apart.mean(axis=(1, 2))
+        level = level_at_rungs(rules.start, alpha, rules.whole)
+        rare = rare_loss(most, apart[0].size, RARE * alpha)
+        return mean - np.hypot(mean - stratified_lower(apart, level), rare)
     width = rules.bounds[1] - rules.bounds[0]
     return safe_lower(apart.mean(axis=1), alpha, -width, width)

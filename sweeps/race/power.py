@@ -1,8 +1,9 @@
 """What a sweep will be able to tell apart, reckoned from a pilot: a sweep of a few episodes.
 
 Two entries are told apart if the simultaneous interval of their difference excludes zero, as in a
-leaderboard. In 80 % of sweeps that happens to a difference of (c + 0.84) standard errors, c being
-the critical difference of that many entries. Of *these* objects the standard error is that of
+leaderboard. The difference over its estimated standard error has a noncentral t distribution; what
+80 % of sweeps show is the one of which 80 % lies above the critical difference of that many
+entries. Of *these* objects the standard error is that of
 episodes within objects, and falls with the episodes of a cell. Of objects *like these* it is that
 of the objects' mean differences: their variance in the pilot, less the share that its few episodes
 have in it, plus that which the sweep's will have.
@@ -20,8 +21,8 @@ from sweeps.analysis.paired import read_paired
 from sweeps.run.plan import Plan
 from sweeps.run.store import open_study
 
-POWER_Z = 0.8416
-"""The standard normal quantile of 80 %."""
+POWER = 0.8
+"""The share of sweeps that show a difference."""
 MOST_PAIRS = 2000
 
 
@@ -65,13 +66,21 @@ def told_apart(spreads: Spreads, entries: int, objects: int, episodes: int
     within = spreads.within.mean(axis=1)
     these = np.sqrt(within / episodes / objects)
     freedom = np.full(len(these), float(objects * max(episodes - 1, 1)))
-    shown = (critical_difference(entries, freedom) + POWER_Z) * these
+    shown = _shown(freedom, critical_difference(entries, freedom)) * these
     if objects < 2:
         return float(np.median(shown)), float("nan")
     like = np.sqrt((spreads.between + within / episodes) / objects)
-    like = like * small_sample_widening(objects)
-    wide = critical_difference(entries, np.full(len(like), objects - 1.0))
-    return float(np.median(shown)), float(np.median((wide + POWER_Z) * like))
+    freedom = np.full(len(like), objects - 1.0)
+    wide = critical_difference(entries, freedom) * small_sample_widening(objects)
+    return float(np.median(shown)), float(np.median(_shown(freedom, wide) * like))
+
+
+def _shown(freedom: np.ndarray, critical: np.ndarray) -> np.ndarray:
+    """True standard errors of a difference that is above so many estimated ones in 80 % of sweeps:
+    the noncentrality of t at which that is so."""
+    from scipy.special import nctdtrinc
+
+    return nctdtrinc(freedom, 1.0 - POWER, critical)
 
 
 def power_row(plan: Plan, folder: Path, metric: str) -> tuple[str, str]:

@@ -128,6 +128,15 @@ class RaceUnits:
                          if self.over == "like-these" else np.array(rows))
         return found
 
+    @property
+    def worst(self) -> np.ndarray:
+        """What a replicate scores whose episodes all have no score, (stratum,)."""
+        score = failure_score(self.metric)
+        if self.over == "like-these":
+            return np.array([max(self._worst.values(), default=0.0) if score is None else score])
+        return np.array([self._worst.get(body, 0.0) if score is None else score
+                         for body in range(len(self.order))])
+
     def _note_worst(self, body: int, values: np.ndarray) -> None:
         known = values[np.isfinite(values)]
         if len(known):

@@ -60,6 +60,8 @@ class Population:
     """What is drawn from: scores (entry, object, episode)."""
 
     scores: np.ndarray
+    worst: np.ndarray
+    """What a failed episode counts as, (object,): a race knows it from the priors' scores."""
 
     @property
     def worse(self) -> np.ndarray:
@@ -100,7 +102,7 @@ def own_draw(population: Population, entry: int) -> Draw:
     return draw
 
 
-def run_race(draw: Draw, entries: int, rules: Rules, seed: int) -> Race:
+def run_race(draw: Draw, entries: int, rules: Rules, seed: int, worst: np.ndarray) -> Race:
     """One race; replicates are drawn in blocks, so that all entries have the same."""
     rng = np.random.default_rng(seed)
     drawn = draw(rng, 64)
@@ -108,7 +110,7 @@ def run_race(draw: Draw, entries: int, rules: Rules, seed: int) -> Race:
     while asked := race.asked():
         while drawn.shape[2] < max(stop for _, _, stop in asked):
             drawn = np.concatenate([drawn, draw(rng, drawn.shape[2])], axis=2)
-        race.take(asked, found_of(asked, drawn))
+        race.take(asked, found_of(asked, drawn), worst)
     return race
 
 
@@ -143,7 +145,7 @@ def report(name: str, population: Population, draw: Draw, rules: Rules, races: i
             population.scores[0])
     wrong, taken = 0, []
     for seed in range(races):
-        race = run_race(draw, entries, rules, seed)
+        race = run_race(draw, entries, rules, seed, population.worst)
         last = race.looks[-1]
         wrong += bool(last.out.any() if name == "equal"
                       else worse[last.leader] > rules.within)
@@ -158,16 +160,17 @@ def report(name: str, population: Population, draw: Draw, rules: Rules, races: i
           f"{pairs / mean:6.1f} {hindsight / mean:9.1f}", flush=True)
 
 
-def rows_of(folder: Path, episodes: int, workers: int) -> np.ndarray:
-    """Scores (entry, object, episode) of the sweep, which is run unless it is there."""
+def rows_of(folder: Path, episodes: int, workers: int) -> Population:
+    """The scores of the sweep, which is run unless it is there."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     spec = folder.with_suffix(".toml")
     spec.write_text(SPEC.format(episodes=episodes))
     subprocess.run([sys.executable, "-m", "sweeps", "sweep", str(spec), "-o", str(folder),
                     "--workers", str(workers)], check=True, stdout=subprocess.DEVNULL)
     plan, stores = open_study([folder])
-    values = read_paired(plan, stores, ["chamfer_mm"]).values["chamfer_mm"]
-    return np.array(values).transpose(2, 0, 1)
+    names = ["chamfer_mm", "prior_chamfer_mm"]
+    scores, priors = (np.array(read_paired(plan, stores, names).values[name]) for name in names)
+    return Population(scores.transpose(2, 0, 1), priors.max(axis=(1, 2)))
 
 
 def main() -> None:
@@ -179,8 +182,8 @@ def main() -> None:
     parser.add_argument("--races", type=int, default=1000)
     parser.add_argument("--workers", type=int, default=2)
     given = parser.parse_args()
-    scores = rows_of(given.folder, given.episodes, given.workers)
-    real = Population(scores)
+    real = rows_of(given.folder, given.episodes, given.workers)
+    scores, worst = real.scores, real.worst
     print("case      entries within start races wrong  replicates  95 % of  planned  pairs "
           "hindsight")
     for start in (2, 4, 8, 16):
@@ -189,15 +192,15 @@ def main() -> None:
         report("real", real, paired_draw(real), Rules(within), given.races)
     best = int(real.worse.argmin())
     for start in (2, 4, 8):
-        report("equal", Population(scores[[best] * len(scores)]), own_draw(real, best),
+        report("equal", Population(scores[[best] * len(scores)], worst), own_draw(real, best),
                Rules(0.5, start=start), given.races)
-    tails = Population(with_tails(scores, np.random.default_rng(1)))
+    tails = Population(with_tails(scores, np.random.default_rng(1)), worst)
     for start in (2, 4, 8, 16):
         report("tails", tails, paired_draw(tails), Rules(0.5, start=start), given.races)
-    cut = Population(np.minimum(scores, 30.0))
+    cut = Population(np.minimum(scores, 30.0), worst)
     report("safe", cut, paired_draw(cut), Rules(1.0, bounds=(0.0, 30.0)),
            max(1, given.races // 20))
-    many = Population(thousand(scores, np.random.default_rng(3)))
+    many = Population(thousand(scores, np.random.default_rng(3)), worst)
     for start in (4, 8):
         report("thousand", many, paired_draw(many), Rules(0.25, start=start),
                max(1, given.races // 20))

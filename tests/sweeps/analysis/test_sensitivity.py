@@ -4,19 +4,22 @@ import json
 
 import numpy as np
 import pytest
-from studies import SMALL, plan_of, write_spec
+from scipy.stats import t
+from studies import SMALL, fill, plan_of, write_spec
 
-from sweeps.analysis import sensitivity
 from sweeps.analysis.sensitivity import (
     BRACKETS,
     SWEPT,
+    _lead,
+    _scores,
+    _sure,
     _swapped,
     sensitivity_spec,
     sensitivity_table,
 )
 from sweeps.cli import commands
 from sweeps.cli.main import run
-from sweeps.run.plan import cell_hash, plan_study
+from sweeps.run.plan import Plan, cell_hash, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.reader import read_spec
 
@@ -57,24 +60,67 @@ def test_defaults_are_the_tables() -> None:
 def test_only_sure_swaps_count() -> None:
     rng = np.random.default_rng(0)
     base = rng.normal(0.0, 0.1, (2, 3, 16)) + np.array([1.0, 2.0])[:, None, None]
-    assert _swapped(base, base[::-1], ("a", "b")) == "a > b"
-    assert _swapped(base, base, ("a", "b")) == "none"
-    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b")) == "none"
+    assert _swapped(base, base[::-1], ("a", "b"), 4.0) == "a > b"
+    assert _swapped(base, base, ("a", "b"), 4.0) == "none"
+    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b"), 4.0) == "none"
 
 
-def test_a_strategy_that_always_fails_is_not_the_best(tmp_path, monkeypatch) -> None:
-    plan = plan_of(tmp_path, f"{SMALL}[sweep.zip]\n{THRESHOLD}")
-    shape = (2, len(plan.study.strategies), len(plan.study.objects), 70)
-    scores = 1.0 + np.random.default_rng(1).random(shape)
-    monkeypatch.setattr(sensitivity, "_scores", lambda plan, store: scores)
-    scores[1, 0] = np.nan
-    (*_, failing), notes = sensitivity_table(plan, Store(tmp_path))
-    assert failing[4] == plan.study.strategies[1].name
-    assert "nan" not in str(failing)
-    assert f"{plan.study.strategies[0].name} has no score in 1 of 2 settings" in notes[-1]
-    scores[:] = np.nan
-    rows, _ = sensitivity_table(plan, Store(tmp_path))
-    assert [row[3:7] for row in rows] == [("NA", "NA", "NA", "NA")] * 2
+def test_what_is_sure_depends_on_how_much_is_compared() -> None:
+    """Six pairs of four strategies in seventy settings, six objects with 15 degrees each."""
+    assert _sure(np.zeros((70, 4, 6, 16))) == pytest.approx(t.isf(0.05 / 2 / 420, 90))
+
+
+def test_objects_count_alike_whatever_their_episodes() -> None:
+    """Worse by 3 mm in the two episodes of one object, better by 1 in the sixteen of another."""
+    apart = np.full((2, 16), np.nan)
+    apart[0] = -1.0 + 0.05 * np.random.default_rng(0).normal(size=16)
+    apart[1, :2] = 3.0, 3.1
+    assert _lead(apart) > 0.0
+
+
+def fails(store: Store, plan: Plan, strategy: int, setting: int, body: int) -> None:
+    """Makes a unit of the study one that failed."""
+    cell = plan.study.cell(strategy, body, setting)
+    unit = plan.unit(cell, cell_hash(cell, plan.study.objects[body]), 0)
+    store.path(unit).unlink()
+    store.log(unit).write_text("hung")
+
+
+def test_episodes_that_fail_count_as_the_worst(tmp_path) -> None:
+    """Else a strategy would be the better, the more of its hard episodes fail."""
+    plan = plan_of(tmp_path / "spec", f"{SMALL}[sweep.zip]\n{THRESHOLD}")
+    store = fill(tmp_path / "out", plan)
+    (_, before), _ = sensitivity_table(plan, store)
+    best = [s.name for s in plan.study.strategies].index(before[4])
+    for body in range(2):
+        fails(store, plan, best, 1, body)
+    (_, after), notes = sensitivity_table(plan, store)
+    assert after[4] != before[4]
+    assert float(after[6]) > float(before[6])
+    assert any(note.endswith(f"episodes of {before[4]} have no score and count as the worst on "
+                             "their object") for note in notes)
+
+
+def test_units_that_are_missing_are_left_out_of_all_settings(tmp_path) -> None:
+    plan = plan_of(tmp_path / "spec", f"{SMALL}[sweep.zip]\n{THRESHOLD}")
+    store = fill(tmp_path / "out", plan)
+    cell = plan.study.cell(0, 0, 1)
+    store.path(plan.unit(cell, cell_hash(cell, plan.study.objects[0]), 0)).unlink()
+    scores, notes = _scores(plan, store)
+    there = np.isfinite(scores).sum(axis=-1)
+    assert (there == [6, 70]).all()
+    assert notes[-1].startswith("1 units are missing")
+
+
+def test_where_nothing_has_a_score_there_is_no_best(tmp_path) -> None:
+    plan = plan_of(tmp_path / "spec", f"{SMALL}[sweep.zip]\n{THRESHOLD}")
+    store = Store(tmp_path / "out")
+    store.open_for(plan, None, "cpu")
+    for unit in plan.units():
+        store.log(unit).write_text("hung")
+    rows, notes = sensitivity_table(plan, store)
+    assert [row[3:8] for row in rows] == [("NA", "NA", "NA", "NA", "none")] * 2
+    assert len([note for note in notes if note.endswith("nothing has a score there")]) == 2
 
 
 SPEC = SMALL.replace("= 70", "= 3") + "[sweep.zip]\n"

@@ -36,6 +36,7 @@ from sweeps.analysis.tables import KINDS, Asked
 from sweeps.cli import main as cli
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.run.unit_file import write_files
 
 
 @pytest.mark.parametrize("count", [6, 7, 16, 64, 101])
@@ -219,6 +220,19 @@ def test_nobody_made_the_touches_of_units_that_failed(tmp_path: Path) -> None:
         board["sx"]["touches"], board["sx"]["robot_time_s"])
     assert {row[key] for row in rest for key in ("touches", "robot_time_s")} == {"NA"}
     assert pareto["s"]["p_front"] == "1.000"
+
+
+def test_replicates_of_all_metrics_are_of_the_same_objects(tmp_path: Path) -> None:
+    """Where an object is lost for the first metric, others were drawn apart from it."""
+    plan, store = wide_study(tmp_path, wide_text(2, 4, 8))
+    for unit in plan.units():
+        rows = dict(store.read(unit) or {})
+        lost = unit.cell.object_name == "wedge"
+        rows["chamfer_mm"] = np.full(8, np.nan) if lost else rows["robot_time_s"]
+        write_files(store.path(unit), unit.id, rows)
+    paired = read_paired(plan, [store], ["chamfer_mm", "robot_time_s"])
+    assert paired.means["chamfer_mm"] == pytest.approx(paired.means["robot_time_s"])
+    assert len(paired.values["robot_time_s"]) == 4
 
 
 def test_effects_of_swept_factors(tmp_path: Path) -> None:

@@ -6,10 +6,10 @@ from scipy.stats import norm, t
 
 from sweeps.race.confidence_sequence import (
     asymptotic_multiple,
+    rare_loss,
     safe_lower,
     stratified_lower,
     students_multiple,
-    unseen_loss,
 )
 
 LOOKS = 2000
@@ -64,19 +64,14 @@ def test_draws_that_all_agree_may_hide_a_rare_loss(strata: int) -> None:
     lost = np.random.default_rng(6).random((4000, strata, 60)) < share
     wrong = np.zeros(4000, bool)
     for count in range(2, 61):
-        values = -1.0 * lost[:, :, :count]
-        unseen = (values == 0.0).all(axis=(1, 2))
-        wrong |= unseen & (unseen_loss(values, alpha, 1.0) < share)
+        unseen = ~lost[:, :, :count].any(axis=(1, 2))
+        wrong |= unseen & (rare_loss(1.0, strata * count, alpha) < share)
     assert 0.8 * alpha < wrong.mean() < 1.1 * alpha
 
 
-def test_what_differs_hides_nothing() -> None:
-    values = np.random.default_rng(7).normal(size=(1, 4, 12))
-    assert (unseen_loss(values, 0.05, 9.0) == 0.0).all()
-    values[:, 0] = 3.0
-    alone = unseen_loss(values[:, :1], 0.05, 9.0)
-    assert unseen_loss(values, 0.05, 9.0) == pytest.approx(alone / 4)
-    assert alone == pytest.approx(9.0 * 3.0 / 12, rel=0.15)  # the rule of three
+def test_a_rare_loss_follows_the_rule_of_three() -> None:
+    assert rare_loss(9.0, 300, 0.05) == pytest.approx(9.0 * 3.0 / 300, rel=0.01)
+    assert rare_loss(9.0, 1, 0.05) == pytest.approx(9.0 * 0.95)
 
 
 def test_safe_bounds_hold_for_rare_losses() -> None:

@@ -16,12 +16,12 @@ def drawn(values: np.ndarray) -> Scores:
     return lambda part: values[part[0], :, part[1]:part[2]]
 
 
-def run(race: Race, scores: Scores) -> list[list[Part]]:
+def run(race: Race, scores: Scores, worst: np.ndarray | None = None) -> list[list[Part]]:
     """Runs a race to its end; what each rung asked for comes back."""
     rungs = []
     while asked := race.asked():
         rungs.append(asked)
-        race.take(asked, [scores(part) for part in asked])
+        race.take(asked, [scores(part) for part in asked], worst)
     return rungs
 
 
@@ -49,7 +49,7 @@ def test_the_winner_is_within_the_zone_of_the_best() -> None:
     assert wrong <= 3
     # as many as the hardest pair needs at one look with equal allocation: (z s / within)^2
     equal = 24 * (2.85 * np.sqrt(2 * 1.5 + 8) / np.sqrt(3) / 0.3) ** 2
-    assert np.mean(total) < equal / 5
+    assert np.mean(total) < equal / 3
 
 
 def test_entries_that_agree_at_first_are_not_taken_for_equal() -> None:
@@ -63,6 +63,23 @@ def test_entries_that_agree_at_first_are_not_taken_for_equal() -> None:
         run(race, drawn(same))
         wrong += race.looks[-1].leader == 0
     assert wrong <= 8  # 5 in the mean, at most
+
+
+@pytest.mark.parametrize(("entries", "start", "races"), [(2, 8, 100), (8, 2, 20)])
+def test_rare_failures_that_nobody_has_seen_yet_are_reckoned_with(entries: int, start: int,
+                                                                  races: int) -> None:
+    """All but the first fail in one episode of thirty, by 12 mm, and are better in the others."""
+    wrong = 0
+    for seed in range(races):
+        rng = np.random.default_rng(seed)
+        values = 0.2 * rng.normal(size=(entries, 6, 1200))
+        values[0] += 0.15
+        values[1:] += 12.0 * (rng.random((entries - 1, 6, 1200)) < 1 / 30)
+        race = Race(entries, Rules(0.15, start=start))
+        run(race, drawn(values), np.full(6, 12.0))
+        assert not race.looks[-1].open.any()
+        wrong += race.looks[-1].leader != 0
+    assert wrong <= races / 20
 
 
 def test_a_race_of_the_same_entry_twice_ends() -> None:
@@ -118,12 +135,13 @@ def test_a_rung_asks_for_the_open_and_for_nothing_twice() -> None:
 
 
 def test_entries_that_are_far_worse_change_nothing_but_the_correction() -> None:
+    """Where it is known beforehand how bad an episode may be."""
     values = skewed(4, [5.0, 5.4, 6.0])
     more = np.concatenate([values, values[:1] + 100.0])
     looks = []
     for scores in (values, more):
         race = Race(len(scores), Rules(0.3, confidence=1 - 0.05 * (len(scores) - 1)))
-        run(race, drawn(scores))
+        run(race, drawn(scores), np.full(3, 150.0))
         looks.append(race.looks[-1])
     assert (looks[0].replicates == looks[1].replicates[:3]).all()
     assert (looks[0].lower == looks[1].lower[:3]).all()

@@ -11,21 +11,24 @@ from sweeps.cli import main as cli
 from sweeps.race.power import Spreads, told_apart
 
 
-@pytest.mark.parametrize(("over", "between"), [("these", 0.0), ("like-these", 1.5)])
-def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between: float) -> None:
-    """Leaderboards of two entries with that difference, drawn 400 times."""
+@pytest.mark.parametrize(("over", "between", "entries"), [
+    ("these", 0.0, 2), ("like-these", 1.5, 2), ("these", 0.0, 8), ("like-these", 1.5, 8)])
+def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between: float,
+                                                             entries: int) -> None:
+    """Leaderboards with that difference between two of their entries, drawn 400 times."""
     objects, episodes, own = 6, 16, 3.0
     spreads = Spreads(np.full((1, objects), own**2), np.full(1, between**2), 8)
-    apart = told_apart(spreads, 2, objects, episodes)[0 if over == "these" else 1]
+    apart = told_apart(spreads, entries, objects, episodes)[0 if over == "these" else 1]
     rng, shown = np.random.default_rng(1), 0
     for _ in range(400):
-        board = ObjectMeans(2, 0)
-        for shift in rng.normal(apart, between, objects):
-            values = rng.normal(0.0, own, (episodes, 1)) * [[0.0, 1.0]] + [[0.0, shift]]
-            board.add(values + rng.normal(5.0, 2.0, (episodes, 1)))
+        board = ObjectMeans(entries, 0)
+        for _ in range(objects):
+            means = 5.0 + rng.normal(0.0, between, entries) / np.sqrt(2.0)
+            values = means + rng.normal(0.0, own, (episodes, entries)) / np.sqrt(2.0)
+            board.add(values + apart * (np.arange(entries) == 1))
         found = board.differences(0, over)
         shown += found.low[1] > 0
-    assert shown / 400 == pytest.approx(0.8, abs=0.08)
+    assert shown / 400 == pytest.approx(0.8, abs=0.06)
 
 
 def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

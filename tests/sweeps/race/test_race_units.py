@@ -1,11 +1,14 @@
 """The scores that a race reads from its units."""
 
 from pathlib import Path
+from typing import Any
 
 import fake_episodes
 import numpy as np
 from studies import SMALL, plan_of
 
+from sweeps.race.course import Course
+from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_files
@@ -29,3 +32,44 @@ def test_a_unit_that_failed_counts_as_the_worst_that_any_entry_had_or_was_given(
         write_files(store.path(unit), unit.id, rows)
     found = units.scores(asked)[1]  # (object, episode)
     assert np.array_equal(found, np.tile([[worst["block"]], [worst["wedge"]]], 8))
+    assert np.array_equal(units.worst, [worst["block"], worst["wedge"]])
+
+
+class Told(Race):
+    """Keeps what it was told of how bad a replicate may be."""
+
+    worst: Any = None
+
+    def take(self, asked: Any, found: Any, worst: Any = None) -> Look:
+        """Takes note."""
+        self.worst = worst
+        return super().take(asked, found, worst)
+
+
+def test_a_race_knows_after_its_first_rung_what_a_failure_would_cost(tmp_path: Path) -> None:
+    plan, store = plan_of(tmp_path, SMALL), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    course = Course(Told(2, Rules(5.0)), RaceUnits(plan, store, "chamfer_mm", "these"))
+    for unit in course.further():
+        rows = run_units(fake_episodes.given_episodes, [unit], "cpu")[0]
+        rows["prior_chamfer_mm"] += 1000.0
+        write_files(store.path(unit), unit.id, rows)
+    course.further()
+    assert isinstance(course.race, Told)
+    assert course.race.worst.shape == (2,)
+    assert (course.race.worst > 1000.0).all()
+
+
+def test_of_objects_like_these_a_whole_object_may_be_lost(tmp_path: Path) -> None:
+    """What a replicate may score is known to a race from the priors of its first rung."""
+    plan, store = plan_of(tmp_path, SMALL), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    units, most = RaceUnits(plan, store, "chamfer_mm", "like-these"), 0.0
+    for unit in units.units([(0, 0, 2)]):
+        rows = run_units(fake_episodes.given_episodes, [unit], "cpu")[0]
+        rows["prior_chamfer_mm"] += 20.0
+        most = max(most, float(rows["prior_chamfer_mm"].max()))
+        write_files(store.path(unit), unit.id, rows)
+    units.scores([(0, 0, 2)])
+    assert np.array_equal(units.worst, [most])
+    assert np.array_equal(RaceUnits(plan, store, "iou", "like-these").worst, [0.0])
