@@ -246,7 +246,9 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
     low, high = np.full(2, np.nan)
     if curves.over == "like-these" or curves.draws >= FEW:
         low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
-    if curves.over == "like-these" and np.isfinite(medians[0]):  # times are skewed: on a log scale
+    if curves.over == "like-these" and len(at) < 2:
+        low = high = np.nan
+    elif curves.over == "like-these" and np.isfinite(medians[0]):  # skewed: on a log scale
         low, high = (medians[0] * (end / medians[0]) ** widening(len(at)) for end in (low, high))
     return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
                  float(medians[0]), float(low), float(high))

@@ -111,7 +111,8 @@ class ObjectMeans:
         compared = self.entries if simultaneous else 2
         half = critical_difference(compared, freedom) * error
         apart = mean - mean[to]
-        return Estimate(apart, apart - half, apart + half)
+        most = 1.0 if self.chances else np.inf
+        return Estimate(apart, np.maximum(apart - half, -most), np.minimum(apart + half, most))
 
     def p_best(self, sign: float) -> np.ndarray:
         """The share of bootstrap replicates, widened as few draws deserve, that each entry wins:

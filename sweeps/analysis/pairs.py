@@ -91,8 +91,8 @@ def objects_test(differences: np.ndarray) -> float:
 
 def episodes_test(differences: Sequence[np.ndarray]) -> float:
     """A paired t-test stratified by object, two-sided; NaN where the spread is not known. Where all
-    episodes of each object differ by the same it is the test by signs: so many heads in a row."""
-    from scipy.stats import t
+    episodes of each object differ by the same it is the sign test."""
+    from scipy.stats import binomtest, t
 
     groups = [group[np.isfinite(group)] for group in differences]
     groups = [group for group in groups if len(group)]
@@ -102,7 +102,9 @@ def episodes_test(differences: Sequence[np.ndarray]) -> float:
     parts = np.array([group.var(ddof=1) / len(group) for group in groups]) / len(groups) ** 2
     variance = float(parts.sum())
     if variance == 0.0:
-        return 1.0 if mean == 0.0 else 2.0 ** (1 - sum(len(group) for group in groups if group[0]))
+        signs = np.sign(np.concatenate(groups))
+        return float(binomtest(int((signs > 0).sum()), max(int((signs != 0).sum()), 1)).pvalue
+                     if signs.any() else 1.0)
     freedom = variance**2 / sum(part**2 / (len(group) - 1)
                                 for part, group in zip(parts, groups, strict=True))
     return float(2.0 * t.sf(abs(mean) / np.sqrt(variance), freedom))

@@ -74,7 +74,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     study = plan.study
     rows = {
         "study": study.head.name, "hash": plan.hash, "strategies": f"{len(study.strategies)}",
-        "objects": f"{len(study.objects)}", "settings": f"{study.setting_count}",
+        "objects": f"{len(study.objects)}", "settings": study.settings_each,
         "cells": f"{study.cell_count}",
         "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
         "units": f"{plan.unit_count}", **dict(estimate_cost(plan)),

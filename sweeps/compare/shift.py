@@ -73,7 +73,9 @@ class Differences:
             part = values.var(axis=0, ddof=1) / count if count > 1 else np.full(
                 values.shape[1], np.nan)
             if self.chances:
-                least = _least_variance(values, differ) * np.append(used, used.any())
+                # Of the mean of all: as if each entry's unseen outcomes were its own.
+                least = _least_variance(values, differ) * np.append(
+                    used, used.sum() / len(used) ** 2)
                 self._hidden = self._hidden + np.maximum(least - np.nan_to_num(part), 0.0)
                 part = np.maximum(part, least)
             self._variance = self._variance + part
@@ -96,7 +98,8 @@ class Differences:
             error = freedom = np.full(rows, np.nan)
         mean = means.mean(axis=0)
         half = students_t(freedom, rows if rows > 2 else 1) * error  # one entry is its own mean
-        return Estimate(mean, mean - half, mean + half)
+        most = 1.0 if self.chances else np.inf
+        return Estimate(mean, np.maximum(mean - half, -most), np.minimum(mean + half, most))
 
 
 def _least_variance(values: np.ndarray, differ: bool) -> np.ndarray:

@@ -82,7 +82,7 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
     best = dict(zip(board.header, first, strict=True))
     asked = (f"{len(plan.study.strategies)} strategies, {len(plan.study.objects)} objects, "
              f"{head.episodes_per_cell} episodes of each strategy on each object"
-             + (f" under each of {plan.study.setting_count} settings" if plan.study.axes else ""))
+             + (f" under each of {plan.study.settings_each} settings" if plan.study.axes else ""))
     return [
         '<a class="skip" href="#board">To the leaderboard</a><header>',
         f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),

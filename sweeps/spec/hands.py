@@ -103,6 +103,9 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if UTAH_MIT in hands:
         for keys, misfit in ((_BUILT, _overlaps), (_WEIGHED, _hangs)):
             note_misfit(with_ends(study, keys), keys, misfit, ("hand",), problems)
+            if not problems.found and _sides(study) != {"both"} and (
+                    wrong := misfit(study.tables)):
+                problems.add(("hand",), f"of the robot that is not swept: {wrong}")
     if hands != {UTAH_MIT} and closes_fingers(study):
         note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
 

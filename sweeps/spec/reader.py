@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from codecs import BOM_UTF8
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -65,7 +66,23 @@ def spec_text(file: FilePath, overrides: Sequence[str]) -> bytes:
         return text
     given = _settings(read_toml(file)[0].get("set", []), overrides)
     line = f"set = {json.dumps(given, ensure_ascii=False)}  # what --set said\n"
-    return line.encode() + re.sub(rb"(?m)^set = .*\n", b"", text, count=1)
+    return (line + _without_set(text.decode())).encode()
+
+
+def _without_set(text: str) -> str:
+    """The spec without its own key `set`, which stands above all tables."""
+    lines = text.splitlines(keepends=True)
+    for start, line in enumerate(lines):
+        if line.lstrip().startswith("["):
+            break
+        if re.match(r"""\s*["']?set["']?\s*=""", line):
+            for stop in range(start + 1, len(lines) + 1):
+                try:
+                    tomllib.loads("".join(lines[start:stop]))
+                except tomllib.TOMLDecodeError:  # its list goes on in the next line
+                    continue
+                return "".join(lines[:start] + lines[stop:])
+    return text
 
 
 def _settings(own: Any, overrides: Sequence[str]) -> list[str]:
@@ -111,8 +128,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
                                     problems.at_swept(KEY), problems)
     search = read_search(values.get("search"), strategies, axes, problems)
     study = Study(head, objects, strategies, tables, axes, search)
-    if study.cell_count > CELL_LIMIT:
-        problems.add(("sweep",), f"spans {study.cell_count:,} cells; the limit is {CELL_LIMIT:,}")
+    if (spanned := max(study.cell_count, study.setting_count)) > CELL_LIMIT:
+        problems.add(("sweep",), f"spans {spanned:,} cells; the limit is {CELL_LIMIT:,}")
     elif study.cell_count * head.episodes_per_cell > EPISODE_LIMIT:
         problems.add(("episodes_per_cell",),
                      f"makes {study.cell_count * head.episodes_per_cell:,} episodes in "

@@ -94,6 +94,13 @@ class Study:
                                and not any(reaches(strategy, key, self.axes) for key in axis.keys))
                      for strategy in self.strategies)
 
+    @property
+    def settings_each(self) -> str:
+        """How many settings a strategy has, such as "4", or "2 to 4"."""
+        counts = [self.settings_of(n) for n in range(len(self.strategies))]
+        least, most = min(counts), max(counts)
+        return f"{most}" if least == most else f"{least} to {most}"
+
     def settings_of(self, strategy: int) -> int:
         """How many settings a strategy has."""
         return prod(len(axis.values) for n, axis in enumerate(self.axes)

@@ -212,6 +212,16 @@ def test_reach_of_objects_like_these_holds_the_truth() -> None:
     assert held >= 0.87 * trials
 
 
+def test_one_object_says_nothing_of_reach_on_others() -> None:
+    at = np.arange(20.0, 28.0)
+    episodes = [[(0, n) for n in range(8)]]
+    curves = Curves((Entry(0, "one", {}),), ("a",),
+                    {"touches": [[[(np.array([t]), np.array([4.0])) for t in at]]]}, [], episodes,
+                    _weights(1, episodes, "like-these"), object_weights(1, 1), "like-these", 1, ())
+    found = reach(curves, "touches", 0, 5.0)
+    assert np.isnan([found.low, found.high]).all()
+
+
 def test_errors_at_the_same_time_are_those_when_the_other_ended(
     study: tuple[Plan, Store]
 ) -> None:

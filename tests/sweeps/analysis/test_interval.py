@@ -170,6 +170,13 @@ def test_entries_of_equal_chances_are_hardly_ever_told_apart(share: float, objec
     assert claims <= 0.05 * trials
 
 
+def test_differences_of_shares_are_one_at_most() -> None:
+    board = means_of(np.array([[[1.0, 0.0]] * 2] * 2), chances=True)
+    for over in ("these", "like-these"):
+        apart = board.differences(0, over)
+        assert (np.abs([apart.low[1], apart.high[1]]) <= 1.0).all()
+
+
 def test_many_outcomes_have_the_interval_of_any_means() -> None:
     data = (np.random.default_rng(9).random((8, 400, 2)) < 0.6).astype(float)
     for over in ("these", "like-these"):

@@ -64,6 +64,8 @@ def test_differences_that_do_not_vary_are_tested_by_their_signs() -> None:
     assert episodes_test([np.array([1.0, 1.0])]) == 0.5
     assert episodes_test([np.full(4, -2.0), np.zeros(3), np.full(2, -1.0)]) == 2.0**-5
     assert episodes_test([np.zeros(4)]) == 1.0
+    mixed = episodes_test([np.full(8, 2.0), np.full(8, -1.0)])  # for one, then for the other
+    assert mixed == 1.0
 
 
 def test_the_stratified_test_holds_its_level() -> None:

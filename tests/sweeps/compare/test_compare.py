@@ -256,6 +256,16 @@ def test_outcomes_that_happen_to_agree_do_not_say_that_nothing_changed(paired: b
     assert held >= 0.93 * trials
 
 
+def test_the_mean_of_many_shares_is_known_better_than_one() -> None:
+    found, both = Differences(chances=True), np.ones(16, bool)
+    for _ in range(6):
+        found.add([(np.zeros((8, 16)), both, True)])
+    made = found.estimate("these")
+    width = made.high - made.low
+    assert width[-1] < 0.5 * width[0]
+    assert (np.abs([made.low, made.high]) <= 1.0).all()
+
+
 def test_failing_counts_as_the_worst_of_both(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     @fake_episodes.cell_by_cell

@@ -243,3 +243,11 @@ def test_fingers_that_overlap_as_they_are_built_are_told(tmp_path: Path) -> None
 def test_the_estimates_of_a_hand_may_be_varied(tmp_path: Path) -> None:
     """No end of a bracket of `warpgrasp sensitivity` is refused."""
     read(tmp_path, sensitivity_spec())
+
+
+def test_the_robot_that_is_not_swept_is_looked_at_too(tmp_path: Path) -> None:
+    """Its table is that of the spec, which no setting of the sweep shows."""
+    text = HEAD + RING + ("[robot]\nswept = \"truth\"\n[hand]\njoint_stiffness_Nm_rad = 0.1\n"
+                          '[sweep.grid]\n"hand.joint_stiffness_Nm_rad" = [1.0, 2.0]\n')
+    assert "of the robot that is not swept: the fingers' own weight" in told(tmp_path, text)
+    read(tmp_path, text.replace("_rad = 0.1", "_rad = 2.0"))

@@ -15,7 +15,8 @@ from strategies.poses.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.run.plan import canonical_body
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import Problems, SpecError
-from sweeps.spec.reader import read_spec
+from sweeps.spec.objects import NoFile, named_file
+from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.study import Study
 from sweeps.spec.template import spec_template
 from sweeps.spec.units import spec_fields
@@ -437,3 +438,28 @@ def test_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
 def test_ten_thousand_fuzzed_specs_are_read_or_refused(tmp_path: Path) -> None:
     _, wrong = fuzz(tmp_path, 10_000, seed=2)
     assert not wrong, wrong[:3]
+
+
+@pytest.mark.parametrize("own", ["", 'set = ["seed=8"]\n', 'set = [\n  "seed=8",\n]\n',
+                                 '"set"=["seed=8"]  # as it was\n'])
+def test_a_kept_spec_says_once_what_was_set(tmp_path: Path, own: str) -> None:
+    """Whatever way its own key is written in."""
+    text = own + SMALL + '[[strategy]]\nname = "q"\n[strategy.waypoints]\nkind = "ring"\n'
+    file = write_spec(tmp_path, text)
+    kept = spec_text(file, ["episodes_per_cell=2"]).decode()
+    assert kept.count("episodes_per_cell=2") == 1
+    (tmp_path / "kept.toml").write_text(kept)
+    again = read_spec(tmp_path / "kept.toml")
+    assert again.head.episodes_per_cell == 2
+    assert again.head.seed == (8 if own else read_spec(file).head.seed)
+    assert again.strategies == read_spec(file).strategies
+
+
+def test_a_folder_of_inputs_is_a_studys_alone(tmp_path: Path) -> None:
+    """Beside a spec of the user's it is no place where a file that is not there is looked for."""
+    (tmp_path / "inputs" / "abc").mkdir(parents=True)
+    (tmp_path / "inputs" / "abc" / "poses.csv").write_text("x\n1\n")
+    with pytest.raises(NoFile):
+        named_file("poses.csv", tmp_path, 1 << 20)
+    (tmp_path / "resolved.json").write_text("{}")
+    assert named_file("poses.csv", tmp_path, 1 << 20).name == "poses.csv"
