@@ -250,6 +250,8 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
         low = high = np.nan
     elif curves.over == "like-these" and np.isfinite(medians[0]):  # skewed: on a log scale
         low, high = (medians[0] * (end / medians[0]) ** widening(len(at)) for end in (low, high))
+    elif curves.over == "like-these":  # fewer than half of all episodes reach it
+        low = np.nan
     return Reach(float(np.mean([np.isfinite(part).mean() for part in at])),
                  float(medians[0]), float(low), float(high))
 
@@ -282,8 +284,8 @@ def curves_table(curves: Curves) -> TextTable:
 def once_notes(curves: Curves) -> list[str]:
     """Which entries have no curve, and what gives them one."""
     names = [label for n, label in enumerate(curves.labels) if curves.fits_once(n)]
-    return [f"{', '.join(names)}: fitted once, at the end, so that there is no curve; "
-            "refit_every = 1 of a [[strategy]] gives it one"] if names else []
+    return [f"{', '.join(names)}: fitted once, at the end, so that there is no curve; sequences of "
+            "grasps have one with refit_every = 1 of their [[strategy]]"] if names else []
 
 
 def reach_table(curves: Curves) -> TextTable:

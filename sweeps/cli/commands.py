@@ -19,7 +19,7 @@ from sweeps.run.progress import Progress, read_note
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes, open_study, plan_of
 from sweeps.run.worker import EPISODES
-from sweeps.spec.errors import StoreError
+from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
@@ -45,7 +45,13 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     for other in others:
         other.resolved()  # refuses a directory that holds no study
     with terminated_as_interrupted(), store.lock(shard):
-        for line in store.open_for(plan, spec_text(spec, settings), device):
+        try:
+            notes = store.open_for(plan, spec_text(spec, settings), device)
+        except OtherStudy as error:
+            raise OtherStudy(folder, error.lines, (
+                f"choose another directory (`warpgrasp sweep SPEC.toml -o NEW --reuse {folder}` "
+                "takes over the units that are the same), or undo:")) from None
+        for line in notes:
             note(line)
         end_race_note(store.logs)
         _reuse(plan, store, others, shard, device)

@@ -54,7 +54,8 @@ class Growth(Course):
         except StoreError:
             there = 0
         episodes = max(episodes, there)
-        settings = [text for text in self.settings if not text.startswith("episodes_per_cell")]
+        settings = [text for text in self.settings
+                    if text.partition("=")[0].strip() != "episodes_per_cell"]
         text = spec_text(self.spec, [*settings, f"episodes_per_cell={episodes}"])
         for line in store.open_for(grown(self.units.plan, episodes), text, self.device):
             note(line)

@@ -106,11 +106,8 @@ class OtherStudy(ValueError):
     """The directory belongs to another spec; `lines` say where the two differ."""
 
     def __init__(self, folder: Path, lines: list[str],
-                 advice: str = "") -> None:
+                 advice: str = "choose another directory, or undo:") -> None:
         self.lines = lines
-        advice = advice or (
-            f"choose another directory (`warpgrasp sweep SPEC.toml -o NEW --reuse {folder}` takes "
-            "over the units that are the same), or undo:")
         shown = [f"  {line}" for line in lines[:20]]
         more = [f"  ... {len(lines) - 20} more"] if len(lines) > 20 else []
         super().__init__("\n".join([

@@ -178,12 +178,13 @@ class NoFile(ValueError):
 
 
 def _kept(value: str, base_dir: Path) -> Path:
-    """The only copy of a file of that name that the study beside the spec keeps. Raises OSError."""
+    """The copy of a file of that name that the study beside the spec keeps. Raises OSError where
+    there is none, or several differ."""
     if not (base_dir / "resolved.json").is_file():
         raise OSError
     folders = [*base_dir.glob("inputs/*"), *base_dir.glob("inputs/*/*")]
     found = [file for folder in folders if (file := folder / Path(value).name).is_file()]
-    if len(found) != 1:
+    if len({file.read_bytes() for file in found}) != 1:
         raise OSError
     return found[0].resolve()
 

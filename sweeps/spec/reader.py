@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from sweeps.output import quiet_stdout
-from sweeps.spec.axes import read_axes, read_overrides
+from sweeps.spec.axes import WORDS, read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_order, check_pads, check_used
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
@@ -89,8 +89,13 @@ def _settings(own: Any, overrides: Sequence[str]) -> list[str]:
     """The overrides of a spec's key `set`, and those of the command, which come before them."""
     if not isinstance(own, list) or not all(isinstance(text, str) for text in own):
         raise SpecError([Problem("set", "", 'should be a list of texts such as "seed=8"')])
-    keys = {text.partition("=")[0].strip() for text in overrides}
-    return [*(text for text in own if text.partition("=")[0].strip() not in keys), *overrides]
+    keys = set(map(_key_of, overrides))
+    return [*(text for text in own if _key_of(text) not in keys), *overrides]
+
+
+def _key_of(override: str) -> str:
+    key = override.partition("=")[0].strip()
+    return WORDS.get(key, key)
 
 
 def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,

@@ -162,9 +162,11 @@ class Study:
         Objects of few episodes come in groups, so that their episodes can be run in one call; one
         by one of the strategies that no call runs together.
         """
-        shape = [len(axis.values) for axis in self.axes]
-        places = np.indices(shape).reshape(len(shape), self.setting_count)
-        has = [(places[[*axes]] == 0).all(0) for axes in self.idle]
+        has = []
+        for idle in self.idle:
+            own = np.zeros([len(axis.values) for axis in self.axes], bool)
+            own[tuple(0 if n in idle else slice(None) for n in range(len(self.axes)))] = True
+            has.append(own.ravel())
         free = self.tables["fit"].free_forms
         alone = [n for n, s in enumerate(self.strategies) if not run_together(s.call, free)]
         together = [n for n in range(len(self.strategies)) if n not in alone]

@@ -30,11 +30,12 @@ LINK_COUNT = 3  # proximal, middle, distal
 
 @lru_cache(maxsize=32)
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
-    """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`. Raises
-    ValueError for what `overlap_misfit` or `weight_misfit` says."""
-    contact = contact or ContactTable()
-    if wrong := overlap_misfit(table) or weight_misfit(table, contact):
+    """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`, for those
+    who ask where links are and not where they rest. Raises ValueError for what `overlap_misfit`
+    says and, with a `contact`, `weight_misfit`."""
+    if wrong := overlap_misfit(table) or (weight_misfit(table, contact) if contact else ""):
         raise ValueError(wrong)
+    contact = contact or ContactTable()
     hand = Hand()
     hand.abduction_offset = table.abduction_offset_m
     hand.link_length = vec3(*table.link_length_m)

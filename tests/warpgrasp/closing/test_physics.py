@@ -178,3 +178,6 @@ def test_free_fingers_hang_where_their_energy_is_least() -> None:
     assert max(sunk) > 3e-3
     with pytest.raises(ValueError, match=r"turns their joints by 0\.12 rad together"):
         hand_of(replace(HAND, joint_stiffness_Nm_rad=0.3), contact)
+    # Where they weigh nothing they hang nowhere, and links are where their joints have them.
+    hand_of(replace(HAND, joint_stiffness_Nm_rad=0.3), replace(contact, weight=False))
+    hand_links(replace(HAND, joint_stiffness_Nm_rad=0.3), poses[:1], np.zeros((1, 4, 4)))
