@@ -74,7 +74,8 @@ class Curves:
 
     def fits_once(self, entry: int) -> bool:
         """Whether no episode of an entry has more than one body, at its end."""
-        return all(len(at) == 1 for found in self.steps["touches"] for at, _ in found[entry])
+        bodies = [len(at) for found in self.steps["touches"] for at, _ in found[entry]]
+        return bool(bodies) and max(bodies) == 1
 
     @property
     def draws(self) -> int:

@@ -190,7 +190,7 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
 def told(found: Estimate) -> Estimate:
     """The estimate as a table shows it: without ends where they are beyond all reason, such as
     kilometres for a mean of millimetres."""
-    senseless = (found.value > 0.0) & (found.high > _NOTHING_KNOWN * found.value)
+    senseless = (found.high > 1.0) & (found.high > _NOTHING_KNOWN * found.value)
     return Estimate(found.value, *(np.where(senseless, np.nan, end)
                                    for end in (found.low, found.high)))
 

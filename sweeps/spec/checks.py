@@ -12,7 +12,7 @@ import numpy as np
 
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
-from sweeps.spec.study import Axis, Study
+from sweeps.spec.study import Axis, Study, reaches
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
 from warpgrasp.spec_words import word_of
@@ -121,6 +121,10 @@ def check_used(study: Study, problems: Problems) -> None:
 
     Keys that are given once may stand there all the same, as `init` writes them.
     """
+    if study.search and not any(reaches(strategy, factor.key) for factor in study.search.factors
+                                for strategy in study.strategies):
+        problems.add(("search",), "no key of it says anything of the strategy: all its points are "
+                     "one entry")
     if any(is_searched(study, key) for key in _DECIDING):
         return
     orders = {name for order in _orders(study) for name in order}
@@ -144,6 +148,10 @@ def check_used(study: Study, problems: Problems) -> None:
                 field.name: f"changes nothing in this study: {where}"
                 for key, field in spec_fields(SECTIONS[section]).items()
                 if f"{section}.{key}" not in _DECIDING}, (), problems)
+    if not problems.found:
+        for key in [key for n in frozenset.intersection(*study.idle) for key in study.axes[n].keys]:
+            for path in places_of_swept(study, key, problems):
+                problems.add(path, "changes nothing in this study: no strategy reads it")
 
 
 def _values(study: Study, key: str) -> set[Any]:

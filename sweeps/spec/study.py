@@ -191,8 +191,9 @@ class Study:
 
 
 _WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
-               "decide": {"decide"}}
-"""Procedures of an order, one of which a strategy has that reads a table."""
+               "decide": {"decide"}, "pads": {"planar", "contour", "decide"}}
+"""Procedures of an order, one of which a strategy has that reads a table. Planners may feel with
+pads, too."""
 
 
 def reaches(strategy: Strategy, key: str, axes: Sequence[Axis] = ()) -> bool:
@@ -200,6 +201,8 @@ def reaches(strategy: Strategy, key: str, axes: Sequence[Axis] = ()) -> bool:
     them neither waypoints nor an order do."""
     section, name = key.split(".", 1)
     if section != "strategy":
+        if strategy.call:
+            return section not in _WHERE_READ or section == "pads"
         swept = any("strategy.order" in axis.keys for axis in axes)
         return section not in _WHERE_READ or swept or bool(
             _WHERE_READ[section] & {*strategy.order})

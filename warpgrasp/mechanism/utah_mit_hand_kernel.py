@@ -185,8 +185,9 @@ def free_joints(hand: Hand, base: transform, command: vec4):
     """Where a finger that touches nothing rests: to first order in what its weight turns. `command`
     is that of the true joints, the errors of their sensors taken off.
 
-    The weight turns joints by less than a hundredth of a radian, and what it turns them by changes
-    as little with that: the rest is right to some 1e-4 rad.
+    By the defaults weight turns joints by less than a hundredth of a radian, and what it turns them
+    by changes as little with that: the rest is right to some 1e-4 rad, and tips of hands that
+    `weight_misfit` lets pass to 0.1 mm.
     """
     q = vec4(command)
     if hand.weight[0] > ZERO:

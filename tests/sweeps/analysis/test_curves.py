@@ -76,7 +76,7 @@ def test_who_fits_once_is_told_how_to_get_a_curve(tmp_path: Path) -> None:
     plan, store = written(tmp_path, 2, rows)
     curves = read_curves(plan, [store])
     table = curves_table(curves)
-    assert "s: fitted once, at the end, so that there is no curve; refit_every = 1 of a" in (
+    assert "s: fitted once, at the end, so that there is no curve; sequences of" in (
         table.notes[-1])
     assert "NA" not in [row["chamfer_mm"] for row in table_rows(table)]
     drawn = draw_curves(curves, "touches").axes[0]

@@ -103,6 +103,16 @@ def test_a_space_that_holds_the_arms_column_is_refused(tmp_path: Path, space: st
         read_spec(write_spec(tmp_path, text))
 
 
+def test_keys_that_no_strategy_reads_are_refused(tmp_path: Path) -> None:
+    """One entry was ranked alone; a race of such points ended in an error of its own."""
+    text = ('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "ring"\n'
+            'waypoints = { kind = "ring", count = 6 }\n')
+    key = '"contour.axis" = ["free", "body"]\n'
+    for table, says in (("sweep.grid", "changes nothing in this study: no strategy reads it"),
+                        ("search", "no key of it says anything of the strategy")):
+        assert says in refusals(tmp_path, f"{text}[{table}]\n{key}")[0]
+
+
 def test_a_place_without_a_column_is_taken(tmp_path: Path) -> None:
     """A floating wrist has none; an arm may hang from above; beside it there is room."""
     text = METRES[0]
