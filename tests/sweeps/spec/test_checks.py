@@ -107,7 +107,7 @@ def test_keys_that_no_strategy_reads_are_refused(tmp_path: Path) -> None:
     """One entry was ranked alone; a race of such points ended in an error of its own."""
     text = ('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "ring"\n'
             'waypoints = { kind = "ring", count = 6 }\n')
-    key = '"contour.axis" = ["free", "body"]\n'
+    key = '"contour.axis" = ["vertical", "fit"]\n'
     for table, says in (("sweep.grid", "changes nothing in this study: no strategy reads it"),
                         ("search", "no key of it says anything of the strategy")):
         assert says in refusals(tmp_path, f"{text}[{table}]\n{key}")[0]
