@@ -42,9 +42,13 @@ def run(arguments: list[str]) -> int:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")
     except UnusedCliTokensError as error:
-        words = ", ".join(error.unused_tokens or ())
-        return _refuse(f"warpgrasp: {words}: there is no place for it; an option that takes "
-                       "several values is repeated, as in --tip A --tip B; see warpgrasp --help")
+        unused = error.unused_tokens or []
+        after = any(word.startswith("-") for word in arguments[:arguments.index(unused[0])]
+                    ) if unused and unused[0] in arguments else False
+        advice = ("an option that takes several values is repeated, as in --tip A --tip B; "
+                  if after else "")
+        return _refuse(f"warpgrasp: {', '.join(unused)}: there is no place for it; {advice}see "
+                       "warpgrasp --help")
     except CycloptsError as error:
         return _refuse(f"warpgrasp: {error}; see warpgrasp --help")
     except UsageError as error:

@@ -125,7 +125,7 @@ def _check_lengths(file: str, arm: ArmModel) -> None:
                        f"together; should be {_SHORTEST_M * 1e3:g} mm at least: {UNITS_OF_FILES}")
     widest = max(math.degrees(joint.high_rad - joint.low_rad) for joint in arm.joints)
     if 0.0 < widest < _LEAST_DEG:
-        raise ArmError(f"{file}: joint: the one with the widest limits turns by {widest:.3g} deg; "
+        raise ArmError(f"{file}: joint: the one with the widest limits turns by {widest:.4g} deg; "
                        f"should be {_LEAST_DEG:g} at least: {UNITS_OF_FILES}")
 
 

@@ -11,7 +11,7 @@ from urdf_parts import joint, link, robot
 
 from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
-from warpgrasp.hands.hand_model import Capsule, HandError
+from warpgrasp.hands.hand_model import Box, Capsule, HandError
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
@@ -292,3 +292,17 @@ def test_a_hand_that_is_read_again_takes_no_options_of_a_urdf(
     assert cli.run(["hand", str(file), "-o", str(file), *option]) == 2
     assert f"{option[0]}: is for a URDF, and {file} is a hand already" in capsys.readouterr().err
     assert not file.with_suffix(".png").exists()
+
+
+def test_a_flat_cylinder_is_a_box_of_its_area(tmp_path: Path) -> None:
+    """The nearest capsule to a plate is a ball as wide as it: a palm of 4 mm was one of 69."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "plate.urdf"
+    file.write_text(robot([link("palm", '<collision><geometry><cylinder radius="0.05" '
+                                        'length="0.004"/></geometry></collision>'),
+                           link("a"), link("b"), *GOOD[3:]]))
+    plate, = hand_from_urdf(file)[0].palm
+    assert isinstance(plate, Box)
+    x, y, z = plate.size
+    assert x * y == pytest.approx(0.05**2 * np.pi)
+    assert z == pytest.approx(0.004)
