@@ -20,6 +20,7 @@ def test_many_touches_do_not_make_a_body_smaller() -> None:
     assert np.mean((low < true) & (true < high)) >= 0.5
 
 
+@pytest.mark.slow
 def test_a_plate_thinner_than_points_lie_deep_keeps_its_volume() -> None:
     """Inside of thin walls there are no points: they would lie beyond the other side."""
     draw = np.random.default_rng(4)

@@ -34,6 +34,7 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(paths="wide")
 
 
+@pytest.mark.slow
 def test_matched_paths_are_in_each_world_those_that_promise_most() -> None:
     """Several paths in one step, a world at most one of them, and not by the batch."""
     table = family_table("hammer-1")
@@ -98,6 +99,7 @@ def test_where_touches_are_limited_fingers_that_would_find_little_stay_open() ->
     assert (closed[1] == 4).all()
 
 
+@pytest.mark.slow
 def test_gaussian_process_plans_with_the_free_form_that_it_recovers() -> None:
     """About a superquadric it finds nothing of a hammer's head."""
     table = family_table("hammer-1")
