@@ -49,13 +49,13 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
         elif geometry.cylinder is not None:
             radius, length = _sizes(where, "cylinder", [geometry.cylinder.radius,
                                                         geometry.cylinder.length], 2)
+            rods[len(found)] = _along(at, length / 2, radius)
             if length < radius:  # a plate: a box of as large an area is nearer than any capsule
                 side = radius * np.sqrt(np.pi)
                 found.append(Box(place_of(at), (side, side, length)))
-                continue
-            half, fitted, error = capsule_of_cylinder(radius, length)
-            rods[len(found)] = _along(at, length / 2, radius)
-            found.append(_along(at, half, fitted, error))
+            else:
+                half, fitted, error = capsule_of_cylinder(radius, length)
+                found.append(_along(at, half, fitted, error))
         else:
             mesh = geometry.mesh
             scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
