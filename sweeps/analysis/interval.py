@@ -13,9 +13,9 @@ quantile of the largest of all studentized differences between as many equal ent
 (Tukey's studentized range, with a standard error for each pair). With two entries it is Student's.
 
 Outcomes that are 0 or 1 may all agree by chance, so that their variance says too little. Theirs is
-at least that with two more episodes of an object, one of each outcome (of a difference one each
-way; Agresti and Caffo 2000, Agresti and Min 2005), and the interval of a share is Wilson's (1927),
-of as many independent outcomes as have that variance (Korn and Graubard 1998).
+at least that with two more episodes of an object, one of each outcome (of a difference one without
+and half a one each way; Agresti and Caffo 2000, Agresti and Min 2005). The interval of a share is
+Wilson's (1927), of as many independent outcomes as have that variance (Korn and Graubard 1998).
 """
 
 from functools import lru_cache
@@ -187,7 +187,7 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
     return mean - half, mean + half
 
 
-def told(found: Estimate) -> Estimate:
+def sensible_ends(found: Estimate) -> Estimate:
     """The estimate as a table shows it: without ends where they are beyond all reason, such as
     kilometres for a mean of millimetres."""
     senseless = (found.high > 1.0) & (found.high > _NOTHING_KNOWN * found.value)

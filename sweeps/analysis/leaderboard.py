@@ -37,7 +37,7 @@ from sweeps.analysis.entries import (
     prior_column,
     references_of,
 )
-from sweeps.analysis.interval import ObjectMeans, told
+from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import (
     MANY_OBJECTS,
     ObjectRows,
@@ -163,7 +163,7 @@ class ReferenceMeans:
         own, metric = slice(self.entries, None), self.metric
         found = {}
         for over, name in (("like-these", "ci"), ("these", "these")):
-            value = told(self.means.values(over, bounds_of(metric)))
+            value = sensible_ends(self.means.values(over, bounds_of(metric)))
             delta = self.means.differences(best, over, simultaneous=False)
             found |= {metric: value.value, f"{metric}_{name}_low": value.low,
                       f"{metric}_{name}_high": value.high, "delta": delta.value,
@@ -220,10 +220,10 @@ class _Ranking:
         """The rows of a leaderboard, the best first."""
         metric, found = self.metric, self.means[self.metric]
         sign = self.sign
-        value = told(found.values("like-these", bounds_of(metric)))
+        value = sensible_ends(found.values("like-these", bounds_of(metric)))
         key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
         order = sorted(range(len(self.entries)), key=lambda n: (key[n], self.entries[n].label))
-        these = told(found.values("these", bounds_of(metric)))
+        these = sensible_ends(found.values("these", bounds_of(metric)))
         delta, delta_these = (found.differences(order[0], over) for over in ("like-these", "these"))
         iou = self.means["iou"].values("like-these", bounds_of("iou"))
         digits = 4 if metric in HIGHER_IS_BETTER else 3

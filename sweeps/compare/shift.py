@@ -103,7 +103,8 @@ class Differences:
 
 
 def _least_variance(values: np.ndarray, differ: bool) -> np.ndarray:
-    """Of the means of outcomes, with an episode more of each; of differences, one each way."""
+    """Of the means of outcomes (episode, entry), with an episode more of each; of differences, with
+    one without and half a one each way."""
     count, total = len(values) + 2.0, np.abs(values.sum(axis=0))
     square = ((values**2).sum(axis=0) + 1.0) / count
     return (square - ((total if differ else total + 1.0) / count) ** 2) / len(values)
