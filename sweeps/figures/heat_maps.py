@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 COLOUR_COUNT = 47
 """Odd, for the middle of a diverging map; matplotlib rasterizes colour bars of 49 and more."""
+LEAST_IN = 2.1
+"""Inches of height that the colour bar's label needs."""
 
 
 def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
@@ -65,7 +67,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
                           for table, middle in zip(tables, around, strict=True)))
     digits = 1 if largest >= 1 else 2
     with drawing():
-        drawn = figure(len(factors) * 0.62 + 0.17 * sum(map(len, rows)) + 0.35)
+        drawn = figure(max(LEAST_IN, len(factors) * 0.62 + 0.17 * sum(map(len, rows)) + 0.35))
         panels = drawn.subplots(len(factors), 1, squeeze=False,
                                 height_ratios=[len(row) + 1 for row in rows])[:, 0]
         cells = None

@@ -100,6 +100,14 @@ def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
 
 
+def test_a_low_heat_map_has_room_for_its_label(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4, """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3, 6, 12]
+"""))
+    looks_right(KINDS["settings"](Asked(plan, [store])))
+
+
 def test_a_factor_shows_the_strategies_that_it_says_something_of(tmp_path: Path) -> None:
     plan, store = wide_study(tmp_path, wide_text(2, 2, 4, """
 [[strategy]]
