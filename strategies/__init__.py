@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "planners.register": ["planner"],
     "poses.waypoints": ["BoundingCylinder", "Ring", "Top"],
     "procedures.containment": ["explore_by_containment"],
-    "ready_made": ["STRATEGIES", "run_together"],
+    "ready_made": ["STRATEGIES", "UNGUIDED", "run_together"],
     "recovery.belief": ["Belief"],
     "recovery.evidence": ["Evidence", "evidence_from_grasps"],
     "recovery.fit_contacts": ["recover_bodies"],

@@ -54,6 +54,8 @@ STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
         ("expected-error", "adaptive: lowers the expected error of the whole surface most"),
         ("oracle", "the ceiling: takes the truly best of its candidates, by the truth"))),
 )}
+UNGUIDED = ("random", "even")
+"""Planners that do not look at what was felt: `refit_every` says when bodies are fitted."""
 PLANNED_TOGETHER = frozenset(("random", "even", "coverage", "most-uncertain", "information",
                               "gaussian-process", "expected-error", "oracle"))
 """Planners that keep worlds apart, and need little memory for each: hundreds are run in one call.

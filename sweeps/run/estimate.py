@@ -4,7 +4,7 @@ from itertools import product
 from math import log
 from statistics import mean
 
-from strategies.ready_made import run_together
+from strategies.ready_made import UNGUIDED, run_together
 from strategies.strategy import Strategy
 from sweeps.run.plan import Plan
 from sweeps.spec.hands import hands_of
@@ -25,7 +25,7 @@ GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
 STEP_S = {"random": 0.012, "even": 0.012, "any-object": 0.1, "oracle": 0.3}
 """A step of planners that choose one pose at a time, its fit included."""
-UNGUIDED, UNGUIDED_S = ("random", "even"), 0.0015
+UNGUIDED_S = 0.0015
 """Those whose bodies are fitted once, and a pose of theirs."""
 OTHER_STEP_S = 0.018
 """Of the others, and of planners of the user's own."""

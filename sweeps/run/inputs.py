@@ -3,9 +3,11 @@ planners, known models, hands, arms.
 
 A study keeps a copy of each below `inputs/HASH/`, under its own name, so that its episodes can be
 run again when the originals have changed or the directory was moved. `HASH` is the one by which
-`resolved.json` knows the content; a copy that no longer has it counts as missing.
+`resolved.json` knows the content; a copy that no longer has it counts as missing. By
+`inputs/files.json` the `spec.toml` beside it finds the copies.
 """
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -21,7 +23,7 @@ from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from sweeps.spec.hands import hands_of
-from sweeps.spec.named_files import arms_of
+from sweeps.spec.named_files import KEPT, arms_of, names_of
 from sweeps.spec.objects import files_digest
 from sweeps.spec.study import FILE_KEYS, Body, Study
 from warpgrasp.parameters import ArmTable, HandTable
@@ -41,25 +43,34 @@ def keep_inputs(folder: Path, study: Study) -> None:
     Raises OSError where that cannot be written, or a file has gone since the spec was read.
     """
     inputs = folder / FOLDER
+    kept: dict[Path, str] = {}
+
+    def keep(file: Path, copy: Path) -> None:
+        _keep(file, copy)
+        kept[file] = str(copy.relative_to(folder))
+
     for body in study.objects:
         files = [Path(file) for file in named_files(body.table)]
         if files and files_digest(files) != body.sha256:
             continue  # changed since the study was read: units that use them fail
         for number, file in enumerate(files):
-            _keep(file, inputs / body.sha256 / str(number) / file.name)
+            keep(file, inputs / body.sha256 / str(number) / file.name)
     for strategy in study.strategies:
         for family in strategy.waypoints:
             if file := getattr(family, "file", ""):
-                _keep(Path(file), inputs / _hash(Path(file)) / POSES)
+                keep(Path(file), inputs / _hash(Path(file)) / POSES)
     programs = [plug_in_file(strategy.call) for strategy in study.strategies]
     for file in filter(None, (*programs, plug_in_file(study.tables["fit"].reconstruct))):
         for name in (Path(file).name, *files_beside(Path(file))):
-            _keep(Path(file).with_name(name), inputs / program_hash(file) / name)
+            keep(Path(file).with_name(name), inputs / program_hash(file) / name)
     if models := study.tables["recognition"].models:
-        _keep(Path(models), inputs / _hash(Path(models)) / MODELS)
+        keep(Path(models), inputs / _hash(Path(models)) / MODELS)
     for kind in hands_of(study) | arms_of(study):
         if kind.endswith(".toml"):
-            _keep(Path(kind), inputs / _hash(Path(kind)) / Path(kind).name)
+            keep(Path(kind), inputs / _hash(Path(kind)) / Path(kind).name)
+    if kept and study.base_dir:
+        names = names_of(kept, study.base_dir)
+        write_atomic(folder / KEPT, (json.dumps(names, indent=1) + "\n").encode())
 
 
 def _keep(file: Path, copy: Path) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
-from sweeps.spec.study import Axis, Study, reaches
+from sweeps.spec.study import SEEN, Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
 from warpgrasp.spec_words import word_of
@@ -95,15 +95,10 @@ def changed(study: Study, section: str) -> set[str]:
 def places_of_swept(study: Study, key: str, problems: Problems) -> Iterator[KeyPath]:
     """Where a spec sweeps or searches a key; of a key that `--set` sweeps, as in [sweep.grid]."""
     swept = any(key in axis.keys for axis in study.axes)
-    for told, start in ((swept, ("sweep", "grid")), (is_searched(study, key), ("search",))):
+    for told, start in ((swept, ("sweep", "grid")), (study.searches(key), ("search",))):
         if told:
             yield next((path for path in problems.lines if path[:1] == start[:1]
                         and ".".join(map(str, path[len(start):])) == key), (*start, key))
-
-
-def is_searched(study: Study, key: str) -> bool:
-    """Whether a race proposes the values of a key."""
-    return study.search is not None and any(f.key == key for f in study.search.factors)
 
 
 PROCEDURES = {"planar", "contour", "decide"}
@@ -121,15 +116,16 @@ def check_used(study: Study, problems: Problems) -> None:
 
     Keys that are given once may stand there all the same, as `init` writes them.
     """
-    if study.search and not any(reaches(strategy, factor.key) for factor in study.search.factors
+    if study.search and not any(study.reaches(strategy, factor.key)
+                                for factor in study.search.factors
                                 for strategy in study.strategies):
         problems.add(("search",), "no key of it says anything of the strategy: all its points are "
                      "one entry")
-    if any(is_searched(study, key) for key in _DECIDING):
+    if any(study.searches(key) for key in _DECIDING):
         return
     orders = {name for order in _orders(study) for name in order}
     turned = bool({"contour", "decide"} & orders)
-    views = {"silhouettes", "depth"} & _values(study, "object.prior")
+    views = SEEN & study.values_of("object.prior")
     used = {
         "planar": ({"planar", "decide"} & orders, "faces are crossed where an order has planar or "
                    "decide"),
@@ -137,11 +133,11 @@ def check_used(study: Study, problems: Problems) -> None:
         "decide": ("decide" in orders, "it is for an order with decide"),
         "pads": (PROCEDURES & orders or any(s.call for s in study.strategies), "pads feel where an "
                  "order has planar, contour or decide, or a planner moves them"),
-        "stereo": (views or (turned and "stereo" in _values(study, "contour.axis")),
+        "stereo": (views or (turned and "stereo" in study.values_of("contour.axis")),
                    "cameras look where object.prior is silhouettes or depth, or contour.axis is "
                    "stereo and an order has contour or decide"),
-        "errors": (_values(study, "errors.scale") != {0.0}, "errors.scale is 0, and is a factor of "
-                   "all other errors")}
+        "errors": (study.values_of("errors.scale") != {0.0}, "errors.scale is 0, and is a factor "
+                   "of all other errors")}
     for section, (reason, where) in used.items():
         if not reason:
             note_idle(study, section, {
@@ -152,14 +148,6 @@ def check_used(study: Study, problems: Problems) -> None:
         for key in [key for n in frozenset.intersection(*study.idle) for key in study.axes[n].keys]:
             for path in places_of_swept(study, key, problems):
                 problems.add(path, "changes nothing in this study: no strategy reads it")
-
-
-def _values(study: Study, key: str) -> set[Any]:
-    """What a key is in a study, in SI: at all points of a sweep, else in its table."""
-    section, name = key.split(".")
-    swept = {point[axis.keys.index(key)] for axis in study.axes if key in axis.keys
-             for point in axis.si}
-    return swept or {getattr(study.tables[section], spec_fields(SECTIONS[section])[name].name)}
 
 
 def check_pads(study: Study, problems: Problems) -> None:
@@ -178,7 +166,7 @@ def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[s
         if wrong := misfit(tables):
             given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
             if swept:
-                searched = any(is_searched(study, key) for key, *_ in swept)
+                searched = any(study.searches(key) for key, *_ in swept)
                 given = [("search" if searched else "sweep",)]
             problems.add([*given, path][0], told_of(swept) + wrong)
             return

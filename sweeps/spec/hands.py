@@ -13,14 +13,13 @@ from sweeps.spec.axes import WORDS
 from sweeps.spec.checks import (
     changed,
     closes_fingers,
-    is_searched,
     note_idle,
     note_misfit,
     places_of_swept,
     spec_keys,
 )
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-from sweeps.spec.objects import NoFile, named_file
+from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.search import with_ends
 from sweeps.spec.study import HAND_KEY, Study
 from warpgrasp.hands.hand_model import HandError
@@ -86,7 +85,7 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     """Notes keys of `[hand]`, `[pads]` and `[sensors]` that say nothing of any hand of the study,
     and hands that a robot would mistake; `given` is the spec."""
     hands = hands_of(study)
-    if not is_searched(study, HAND_KEY):
+    if not study.searches(HAND_KEY):
         note_idle(study, "sensors", _unread(hands), changed(study, "sensors"), problems)
         if UTAH_MIT not in hands:
             note_idle(study, "hand", {

@@ -1,22 +1,27 @@
-"""Keys of a spec's sections that name a file of the user's: it is found, read once, made absolute.
+"""Files of the user's that a spec names: each is found, read once, and its name made absolute.
+
+A study keeps copies, and beside the `spec.toml` that it keeps they are taken where the files are
+missing, so that its directory can be given away.
 
 `[fit] reconstruct` is a word, or a function in a file; `[recognition] models` is a file that
 `warpgrasp learn` wrote. `arm = "ur5e"`, an arm that ships or a TOML file, stands in place of
 `[arm]`; in a sweep, `arm = ["puma560", "ur5e"]` compares arms.
 """
 
-from collections.abc import Callable, Mapping
+import json
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from fnmatch import fnmatchcase
 from math import hypot
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from strategies.planners.planner_file import PlannerError
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
-from sweeps.spec.checks import changed, is_searched, note_idle, note_misfit, spec_keys
+from sweeps.spec.checks import changed, note_idle, note_misfit, spec_keys
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.study import ARM_KEY, Axis, Study
 from warpgrasp.parameters import (
     ARM_COLUMN_M,
@@ -30,6 +35,8 @@ KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
 """Bytes of a file of models."""
 PLACE_KEYS = ("object.x_mm", "object.y_mm")
+CSV_LIMIT = 1 << 20  # bytes of a file of poses or of a profile
+MESH_LIMIT = 1 << 28
 UNSWEPT = "recognition.models"
 """The key that names a file; a study keeps one."""
 ARM_LIMIT = 1 << 20
@@ -42,6 +49,95 @@ WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s"
 """Fields that say something of a floating wrist alone."""
 JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
 """Fields of `ErrorTable` that say nothing of a floating wrist."""
+KEPT = Path("inputs/files.json")
+"""Beside the `spec.toml` that a study keeps: under which copy each file that it names is found."""
+
+
+class NoFile(ValueError):
+    """A file that cannot be used; the message says why."""
+
+
+def named_file(value: Any, base_dir: Path, limit: int) -> Path:
+    """The file a spec names, relative to the spec, made absolute; beside the spec that a study
+    keeps, the copy that it has of it. Raises NoFile.
+
+    Devices, pipes and the endless files of /proc, which say that they are empty, are refused.
+    """
+    if not isinstance(value, str) or not value:
+        raise NoFile(f"is {short(value)}; should be a file")
+    try:
+        file = (base_dir / value).resolve()
+        if not file.is_file():
+            file = kept_file(value, base_dir)
+        size = file.stat().st_size
+    except (OSError, ValueError, RuntimeError):
+        raise NoFile(f"{short(value)} is not a file; relative to the spec that is "
+                     f"{short(str(base_dir / value), 200)}") from None
+    if size == 0:
+        raise NoFile(f"{short(value)} is empty")
+    if size > limit:
+        raise NoFile(f"{short(value)} is larger than {limit >> 20} MiB, the limit")
+    return file
+
+
+def kept_files(base_dir: Path) -> dict[str, str]:
+    """The copies of a study, relative to its directory, by the names of the spec beside them;
+    none beside other specs."""
+    return _json(base_dir / KEPT)
+
+
+def kept_name(spec: Path) -> str:
+    """The name of the study that keeps a spec; empty where none does."""
+    return str(_json(spec.with_name("resolved.json")).get("name", ""))
+
+
+def _json(file: Path) -> dict[str, Any]:
+    try:
+        found = json.loads(file.read_text())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def kept_file(name: str, base_dir: Path) -> Path:
+    """The copy of a file that the spec names. Raises OSError where there is none."""
+    try:
+        return (base_dir / kept_files(base_dir)[os.path.normpath(name)]).resolve()
+    except KeyError:
+        raise FileNotFoundError(name) from None
+
+
+def kept_matching(pattern: str, base_dir: Path) -> list[Path]:
+    """The copies of the files that a pattern stood for, in the order of their names."""
+    wanted = PurePath(os.path.normpath(pattern)).parts
+    return [(base_dir / copy).resolve() for name, copy in sorted(kept_files(base_dir).items())
+            if _matches(PurePath(name).parts, wanted)]
+
+
+def _matches(parts: Sequence[str], wanted: Sequence[str]) -> bool:
+    if not wanted:
+        return not parts
+    if wanted[0] == "**":
+        return _matches(parts, wanted[1:]) or (bool(parts) and _matches(parts[1:], wanted))
+    return (bool(parts) and fnmatchcase(parts[0], wanted[0])
+            and _matches(parts[1:], wanted[1:]))
+
+
+def names_of(copies: Mapping[Path, str], base_dir: Path) -> dict[str, str]:
+    """What `kept_files` will find: `copies` are those of the files read, by their whole paths.
+
+    A file has its name relative to the spec; one that lies elsewhere has its whole path, too. Of a
+    file that is itself a copy, what it was called before.
+    """
+    before: dict[Path, list[str]] = {}
+    for name, copy in kept_files(base_dir).items():
+        before.setdefault((base_dir / copy).resolve(), []).append(name)
+    names: dict[str, str] = {}
+    for file, copy in copies.items():
+        relative = os.path.relpath(file, base_dir)
+        own = [relative, str(file)] if relative.startswith(os.pardir) else [relative]
+        names.update(dict.fromkeys(before.get(file, own), copy))
+    return names
 
 
 def read_reconstruct(value: str, base_dir: Path, problems: Problems,
@@ -137,7 +233,7 @@ def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> No
     """Notes keys of `[arm]` and `[errors]` that say nothing of any arm of the study; `given` is the
     spec's `[arm]`."""
     arms = arms_of(study)
-    if is_searched(study, ARM_KEY):
+    if study.searches(ARM_KEY):
         return
     instead = "; ".join([f"the PUMA 560 has {spec_keys(JOINT_FIELDS)}"] * (PUMA560 in arms)
                         + [f"a floating wrist has {spec_keys(WRIST_FIELDS)}"] * (FLOATING in arms)
@@ -162,7 +258,7 @@ def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> No
 def check_places(study: Study, problems: Problems) -> None:
     """Notes the first setting under which the object stands where the arm does, as when metres are
     written for millimetres. Arms that a search proposes are not asked."""
-    if not is_searched(study, ARM_KEY):
+    if not study.searches(ARM_KEY):
         note_misfit(study, (*PLACE_KEYS, ARM_KEY), in_column, ("object",), problems)
 
 

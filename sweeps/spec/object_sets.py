@@ -7,6 +7,7 @@ from typing import Any
 
 from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, choose, short
+from sweeps.spec.named_files import kept_matching
 from warpgrasp.objects.catalogue_names import (
     BODY_NAMES,
     FAMILY_NAMES,
@@ -146,6 +147,7 @@ def _meshes(value: Mapping[str, Any], path: KeyPath, base_dir: Path,
     except (ValueError, OSError, NotImplementedError) as error:
         problems.add((*path, "meshes"), f"is {short(pattern)}; is no pattern of files: {error}")
         return
+    files = files or kept_matching(pattern, base_dir)
     if not files:
         problems.add((*path, "meshes"), f"no file matches {short(pattern)}; relative to the spec "
                      f"that is {short(str(root / pattern), 200)}")

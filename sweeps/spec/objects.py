@@ -7,6 +7,7 @@ from typing import Any
 
 from sweeps.output import init_warp, quiet_stdout
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
+from sweeps.spec.named_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
 from sweeps.spec.object_sets import expanded, member_table, pose_name
 from sweeps.spec.study import FILE_KEYS, Body
 from warpgrasp.objects.catalogue_names import (
@@ -167,46 +168,3 @@ def files_digest(files: Sequence[Path]) -> str:
 def _content(file: Path) -> bytes:
     with file.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").digest()
-
-
-CSV_LIMIT = 1 << 20  # bytes of a file of poses or of a profile
-MESH_LIMIT = 1 << 28
-
-
-class NoFile(ValueError):
-    """A file that cannot be used; the message says why."""
-
-
-def _kept(value: str, base_dir: Path) -> Path:
-    """The copy of a file of that name that the study beside the spec keeps. Raises OSError where
-    there is none, or several differ."""
-    if not (base_dir / "resolved.json").is_file():
-        raise OSError
-    folders = [*base_dir.glob("inputs/*"), *base_dir.glob("inputs/*/*")]
-    found = [file for folder in folders if (file := folder / Path(value).name).is_file()]
-    if len({file.read_bytes() for file in found}) != 1:
-        raise OSError
-    return found[0].resolve()
-
-
-def named_file(value: Any, base_dir: Path, limit: int) -> Path:
-    """The file a spec names, relative to the spec, made absolute; beside the spec that a study
-    keeps, the copy in its `inputs/`. Raises NoFile.
-
-    Devices, pipes and the endless files of /proc, which say that they are empty, are refused.
-    """
-    if not isinstance(value, str) or not value:
-        raise NoFile(f"is {short(value)}; should be a file")
-    try:
-        file = (base_dir / value).resolve()
-        if not file.is_file():
-            file = _kept(value, base_dir)
-        size = file.stat().st_size
-    except (OSError, ValueError, RuntimeError):
-        raise NoFile(f"{short(value)} is not a file; relative to the spec that is "
-                     f"{short(str(base_dir / value), 200)}") from None
-    if size == 0:
-        raise NoFile(f"{short(value)} is empty")
-    if size > limit:
-        raise NoFile(f"{short(value)} is larger than {limit >> 20} MiB, the limit")
-    return file

@@ -21,6 +21,7 @@ from sweeps.spec.named_files import (
     check_arms,
     check_places,
     check_swept_reconstruct,
+    kept_name,
     read_arm,
     read_reconstruct,
     with_files,
@@ -111,7 +112,8 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     head = StudyTable(**read_table(StudyTable, {k: v for k, v in values.items() if k in HEAD},
                                    (), problems))
     if not head.name:
-        head = replace(head, name=FilePath(problems.file).stem)
+        spec = FilePath(problems.file)
+        head = replace(head, name=kept_name(base_dir / spec.name) or spec.stem)
     tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
               for name, table in SECTIONS.items()}
     tables["hand"] = replace(tables["hand"], kind=read_hand(tables["hand"].kind, base_dir,
@@ -132,7 +134,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
             check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
                                     problems.at_swept(KEY), problems)
     search = read_search(values.get("search"), strategies, axes, problems)
-    study = Study(head, objects, strategies, tables, axes, search)
+    study = Study(head, objects, strategies, tables, axes, search, base_dir)
     if (spanned := max(study.cell_count, study.setting_count)) > CELL_LIMIT:
         problems.add(("sweep",), f"spans {spanned:,} cells; the limit is {CELL_LIMIT:,}")
     elif study.cell_count * head.episodes_per_cell > EPISODE_LIMIT:

@@ -11,7 +11,7 @@ from strategies.poses.waypoints import WAYPOINT_KINDS, WaypointError
 from strategies.ready_made import REFERENCE, STRATEGIES
 from strategies.strategy import BUDGET_KEYS, PROCEDURES, Strategy
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
-from sweeps.spec.objects import CSV_LIMIT, NoFile, named_file
+from sweeps.spec.named_files import CSV_LIMIT, NoFile, named_file
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")

@@ -1,15 +1,16 @@
 """A resolved study: a spec with all defaults filled in, and its cells."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Set
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from math import prod
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from strategies.ready_made import run_together
+from strategies.ready_made import STRATEGIES, UNGUIDED, run_together
 from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import APART, SECTIONS, TABLES, Cell
 from warpgrasp.parameters import TrueTables
@@ -17,6 +18,15 @@ from warpgrasp.parameters import TrueTables
 HAND_KEY, ARM_KEY = "hand.kind", "arm.kind"
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 
+_WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
+               "decide": {"decide"}, "pads": {"planar", "contour", "decide"},
+               "stereo": {"contour", "decide"}}
+"""Procedures of an order, one of which a strategy has that reads a table. Planners may feel with
+pads, too; cameras may also see the prior, whatever the strategy."""
+SEEN = frozenset(("silhouettes", "depth"))
+"""Priors that cameras see."""
+_REFITTED = frozenset(s.call for s in STRATEGIES.values() if s.call) - {*UNGUIDED}
+"""Planners whose bodies are fitted after every step, whatever `refit_every` says."""
 _OF_ALL = ("closings", "order", "refit_every", *BUDGET_KEYS)
 """Keys of a strategy that each has."""
 EPISODE_LIMIT = 10**9
@@ -74,6 +84,8 @@ class Study:
     axes: tuple[Axis, ...] = ()
     search: Any = None
     """A `sweeps.spec.search.Search`: entries that are proposed, beside those of the axes."""
+    base_dir: Path | None = None
+    """Of the spec, by which its files are named; none of a study as `resolved.json` has it."""
 
     @property
     def setting_count(self) -> int:
@@ -91,8 +103,60 @@ class Study:
         has their first point alone, without their keys. Axes that are averaged over are not
         counted, so that all entries have the same cases."""
         return tuple(frozenset(n for n, axis in enumerate(self.axes) if not axis.sampled
-                               and not any(reaches(strategy, key, self.axes) for key in axis.keys))
+                               and not any(self.reaches(strategy, key) for key in axis.keys))
                      for strategy in self.strategies)
+
+    def reaches(self, strategy: Strategy, key: str) -> bool:
+        """Whether a key that is swept says anything of a strategy. Planners choose for themselves:
+        of them neither waypoints nor an order do."""
+        section, name = key.split(".", 1)
+        if section != "strategy":
+            return section not in _WHERE_READ or self._is_read(strategy, section)
+        if name.startswith("options."):
+            return name.removeprefix("options.") in dict(strategy.options)
+        if strategy.call and (name == "order" or name not in _OF_ALL):
+            return False
+        if name == "refit_every" and strategy.call:
+            return strategy.call not in _REFITTED
+        own = name in _OF_ALL or any(_has_field(family, name) for family in strategy.waypoints)
+        if name == "order" or name in BUDGET_KEYS or strategy.call:
+            return own
+        return own and (self.searches("strategy.order")
+                        or "containment" in self._procedures(strategy))
+
+    def _is_read(self, strategy: Strategy, section: str) -> bool:
+        """Whether a strategy reads a table of `_WHERE_READ`."""
+        if section == "stereo":
+            if self._may_be("object.prior", SEEN):
+                return True
+            if not self._may_be("contour.axis", {"stereo"}):
+                return False
+        if strategy.call:
+            return section == "pads"
+        return self.searches("strategy.order") or bool(
+            _WHERE_READ[section] & self._procedures(strategy))
+
+    def searches(self, key: str) -> bool:
+        """Whether a race proposes the values of a key."""
+        return self.search is not None and any(f.key == key for f in self.search.factors)
+
+    def _may_be(self, key: str, values: Set[Any]) -> bool:
+        """Whether a key has one of these values anywhere in the study, or is searched."""
+        return self.searches(key) or bool(values & self.values_of(key))
+
+    def _procedures(self, strategy: Strategy) -> set[str]:
+        """Of all orders that a strategy which is no planner is run with."""
+        if any("strategy.order" in axis.keys for axis in self.axes):
+            return {name for order in self.values_of("strategy.order")
+                    for name in order or strategy.order}
+        return {*strategy.order}
+
+    def values_of(self, key: str) -> set[Any]:
+        """What a key is in the study, in SI: at all points of a sweep, else in its table."""
+        swept = {point[axis.keys.index(key)] for axis in self.axes if key in axis.keys
+                 for point in axis.si}
+        section, name = key.split(".", 1)
+        return swept or {getattr(self.tables[section], _si_name(section, name))}
 
     @property
     def settings_each(self) -> str:
@@ -188,29 +252,6 @@ class Study:
         settings = np.arange(self.setting_count).reshape([len(axis.values) for axis in self.axes])
         for case in settings.transpose(axes).reshape(cases, -1):
             yield case.tolist()
-
-
-_WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
-               "decide": {"decide"}, "pads": {"planar", "contour", "decide"}}
-"""Procedures of an order, one of which a strategy has that reads a table. Planners may feel with
-pads, too."""
-
-
-def reaches(strategy: Strategy, key: str, axes: Sequence[Axis] = ()) -> bool:
-    """Whether a key that is swept says anything of a strategy. Planners choose for themselves: of
-    them neither waypoints nor an order do."""
-    section, name = key.split(".", 1)
-    if section != "strategy":
-        if strategy.call:
-            return section not in _WHERE_READ or section == "pads"
-        swept = any("strategy.order" in axis.keys for axis in axes)
-        return section not in _WHERE_READ or swept or bool(
-            _WHERE_READ[section] & {*strategy.order})
-    if name.startswith("options."):
-        return name.removeprefix("options.") in dict(strategy.options)
-    if strategy.call and (name == "order" or name not in _OF_ALL):
-        return False
-    return name in _OF_ALL or any(_has_field(family, name) for family in strategy.waypoints)
 
 
 def _has_field(family: Any, key: str) -> bool:

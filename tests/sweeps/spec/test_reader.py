@@ -15,7 +15,7 @@ from strategies.poses.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.run.plan import canonical_body
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import Problems, SpecError
-from sweeps.spec.objects import NoFile, named_file
+from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.study import Study
 from sweeps.spec.template import spec_template

@@ -56,15 +56,38 @@ waypoints = { kind = "ring", count = 6 }
 "sensors.tendon_threshold_N" = [4, 6]
 """
     study = read_spec(write_spec(tmp_path, text))
-    assert [study.settings_of(n) for n in range(3)] == [3 * 2, 4 * 2, 2 * 4 * 2]
-    assert study.cell_count == 2 * (6 + 8 + 16) == len({*study.cells()})
+    assert [study.settings_of(n) for n in range(3)] == [3 * 2, 4 * 2, 2 * 2]
+    assert study.cell_count == 2 * (6 + 8 + 4) == len({*study.cells()})
     cells = {(strategy, body, *sorted(study.cell(strategy, body, setting).setting.items()))
              for strategy, body, setting in study.cells()}
     assert len(cells) == study.cell_count
     entries = entries_of(plan_study(study), range(4))
-    assert len({entry.label for entry in entries}) == len(entries) == 30
+    assert len({entry.label for entry in entries}) == len(entries) == 18
     assert entries[0].label == "planned [strategy.options.poses=4, sensors.tendon_threshold_N=4]"
     assert entries[6].label == "ringed [strategy.tilt_deg=30, sensors.tendon_threshold_N=4]"
+
+
+GUIDED, ORDERED, CROSSING, TURNING = (
+    'strategy = "coverage"', 'waypoints = { kind = "ring" }', 'order = ["planar"]',
+    'order = ["contour", "containment"]')
+
+
+@pytest.mark.parametrize(("axis", "told", "untold"), [
+    ('"strategy.refit_every" = [1, 4]', (ORDERED, 'strategy = "even"', TURNING),
+     (GUIDED, CROSSING)),
+    ('"strategy.closings" = [["curl40"], ["base_then_curl"]]', (ORDERED, GUIDED), (CROSSING,)),
+    ('"stereo.clutter" = [4, 8]\n[contour]\naxis = "stereo"', (TURNING,),
+     (ORDERED, CROSSING, GUIDED)),
+    ('"stereo.clutter" = [4, 8]\n[object]\nprior = "silhouettes"', (ORDERED, CROSSING, GUIDED), ()),
+    ('"strategy.count" = [3, 4]', (ORDERED, TURNING), (CROSSING, GUIDED))])
+def test_a_key_that_only_some_read_makes_settings_of_these(
+        axis: str, told: tuple[str, ...], untold: tuple[str, ...], tmp_path: Path) -> None:
+    """Of the others it made entries that did the same."""
+    text = 'schema = 1\nobjects = ["block"]\n' + "".join(
+        f'[[strategy]]\nname = "s{n}"\n{line}\n' for n, line in enumerate((*told, *untold)))
+    study = read_spec(write_spec(tmp_path, f"{text}[sweep.grid]\n{axis}\n"))
+    assert [study.settings_of(n) for n in range(len(study.strategies))] == [
+        *[2] * len(told), *[1] * len(untold)]
 
 
 def test_settings_of_draws_are_those_of_all_strategies(tmp_path: Path) -> None:
