@@ -146,6 +146,10 @@ class ContactTable:
         return ContactTable(joint_stops=False, weight=False, self_contact=False, friction=0.0)
 
 
+LARGEST_ERROR = 3.0
+"""Standard deviations: no robot leaves the bench with more."""
+
+
 @spec_words
 @dataclass(frozen=True)
 class ErrorTable:
@@ -169,6 +173,13 @@ class ErrorTable:
     pad_m: float = _number(5e-4, 0.0, 0.005, "place of each pad on its link, both ways [est]")
     pad_gain_share: float = _number(0.10, 0.0, 0.5, "gain of each pad as a whole [est]")
     scale: float = _number(1.0, 0.0, 10.0, "factor of all of these; 0: the tables are true")
+
+    def misfit(self) -> str:
+        """Why factors of the hand could be zero or less; empty where none can."""
+        most = self.scale * max(self.link_length_share, self.moment_arm_share, self.pad_gain_share)
+        return "" if most * LARGEST_ERROR < 1.0 else (
+            f"errors of links' lengths, moment arms or pads' gains of {100 * most:g} % (with their "
+            f"scale) make some zero or less; should be below {100 / LARGEST_ERROR:.0f} %")
 
     @staticmethod
     def none() -> "ErrorTable":

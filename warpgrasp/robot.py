@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from warpgrasp.sight.depth_view import DepthView
     from warpgrasp.sight.silhouette import Cameras
 
+_AXIS = 1  # of the stream of cameras; 0 is of what is wrong with images
 _UNIT = 1e-6
 """By how much a quaternion may be longer or shorter than 1."""
 
@@ -288,6 +289,8 @@ class Robot:
         return seen_depths(self._scene, self._body, self._truth.body_pose, cameras, table,
                            self._key, device=self._device)
 
-    def camera_noise(self, size: int) -> np.ndarray:
-        """Standard normals (world, size) for what is read off the cameras' images."""
-        return normal_vector(counter_key(self._key, int(Purpose.CAMERA)), size)
+    def camera_noise(self, size: int, *, axis: bool = False) -> np.ndarray:
+        """Standard normals (world, size) for what is read off the cameras' images; others for the
+        axis that is seen."""
+        key = counter_key(self._key, int(Purpose.CAMERA))
+        return normal_vector(counter_key(key, _AXIS) if axis else key, size)

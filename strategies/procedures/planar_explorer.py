@@ -13,6 +13,7 @@ across. A host-side state machine over the whole batch: worlds that are done are
 
 from dataclasses import dataclass
 from enum import IntEnum
+from math import ceil
 
 import numpy as np
 
@@ -44,7 +45,7 @@ class PlanarOptions:
     """How a face is crossed [m]."""
 
     interval_m: float = 0.001
-    """Of a guarded line."""
+    """Of a guarded line; searches towards the surface go as many whole ones as come nearest."""
     stand_off_m: float = 0.030
     """The approach starts this far before the point given."""
     search_m: float = 0.040
@@ -145,6 +146,8 @@ class _Explorer:
         self.direction = np.zeros(worlds, int)
         self.place = np.zeros((worlds, 3))  # of the hand, as commanded
         self.first = np.zeros((worlds, 3))
+        self.level = np.zeros(worlds)  # of the last touch of the face, along its normal
+        self.fell = np.zeros(worlds, bool)  # whether the last touch was below the face
         self.steps = np.zeros(worlds, int)
         self.blocked = np.zeros(worlds, int)
         self.tries = np.zeros(worlds, int)  # of the way back
@@ -196,6 +199,10 @@ class _Explorer:
         self.log.add(rows, touch, np.flatnonzero(noted), self.direction[rows], self.one.finger,
                      self.robot.line_count - 1)
         self.log.miss(rows, touch, approach | further)
+        height = (touch.point_m * self.axes[rows, 2]).sum(1)
+        on_face = to_face & felt & ~strange
+        self.level[rows[on_face]] = height[on_face]
+        self.fell[rows] = felt & (self.level[rows] - height > 0.5 * self.o.edge_drop_m)
         self._end_direction(rows[strange], EndReason.OBSTACLE)
         for now, go_on in {
                 _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
@@ -212,9 +219,15 @@ class _Explorer:
         self.phase[rows], self.way[rows], self.intervals[rows] = phase, way, intervals
         self.interval[rows], self.until[rows] = interval or self.o.interval_m, until
 
-    def _plan_steps(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, length: float) -> None:
-        """Along `way` (row, 3) for a length [m]."""
+    def _plan_search(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, length: float) -> None:
+        """Along `way` (row, 3) until something is touched, for about a length [m]."""
         self._plan(phase, rows, way, max(1, round(length / self.o.interval_m)))
+
+    def _plan_step(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, length: float) -> None:
+        """Along `way` (row, 3) for just this length [m], in intervals that are no longer than
+        others."""
+        steps = max(1, ceil(length / self.o.interval_m - 1e-9))
+        self._plan(phase, rows, way * (length / (steps * self.o.interval_m)), steps)
 
     def _plan_travel(self, phase: _Phase, rows: np.ndarray, way: np.ndarray) -> None:
         """All of `way` (row, 3) [m]."""
@@ -239,7 +252,7 @@ class _Explorer:
         self.turn = pose[:, 3:]
         self.tip = fingertip_from(self.one, self.turn)  # the finger stays as it is
         self.place = pose[:, :3] - inward * o.stand_off_m
-        self._plan_steps(_Phase.APPROACH, rows, inward[rows], o.stand_off_m + o.search_m)
+        self._plan_search(_Phase.APPROACH, rows, inward[rows], o.stand_off_m + o.search_m)
 
     def _begin(self, rows: np.ndarray, status: np.ndarray) -> None:
         self.first[rows] = self.place[rows]
@@ -260,19 +273,20 @@ class _Explorer:
         share = self._step_above_table(rows, along)
         low = share < _SHORTEST_STEP
         self._end_direction(rows[low], EndReason.TABLE)
-        self._plan_steps(_Phase.STEP, rows[~low], (along * share[:, None])[~low], o.step_m)
+        self._plan_step(_Phase.STEP, rows[~low], (along * share[:, None])[~low], o.step_m)
 
     def _lower(self, rows: np.ndarray, status: np.ndarray) -> None:
         free = self._end_of_line(rows, status)
-        self._plan_steps(_Phase.LOWER, free, -self.axes[free, 2],
+        self._plan_search(_Phase.LOWER, free, -self.axes[free, 2],
                          self.o.clear_m + 0.001 + self.o.edge_drop_m)
 
     def _look_further(self, rows: np.ndarray, status: np.ndarray) -> None:
         free = self._end_of_line(rows, status)
-        self._plan_steps(_Phase.FURTHER, free, -self.axes[free, 2], self.o.fall_drop_m)
+        self._plan_search(_Phase.FURTHER, free, -self.axes[free, 2], self.o.fall_drop_m)
 
-    def _edge(self, rows: np.ndarray, status: np.ndarray) -> None:
-        fell = status == ProbeStatus.CONTACT
+    def _edge(self, rows: np.ndarray, _: np.ndarray) -> None:
+        """A finger past an edge may still touch it, at the height of the face."""
+        fell = self.fell[rows]
         self._end_direction(rows[fell], EndReason.FELL_AWAY)
         self._end_direction(rows[~fell], EndReason.EDGE)
 
@@ -291,8 +305,8 @@ class _Explorer:
         barred = stopped & (self.blocked[rows] >= self.o.most_blocked)
         over = (felt | stopped) & ~barred
         spent = over & (self.steps[rows] >= self.o.most_steps)
-        self._end_direction(rows[~(felt | stopped | free)], EndReason.UNREACHABLE)
-        self._end_direction(rows[barred], EndReason.BLOCKED)
+        self._end_direction(rows[status == ProbeStatus.UNREACHABLE], EndReason.UNREACHABLE)
+        self._end_direction(rows[barred | (status == ProbeStatus.COLLISION)], EndReason.BLOCKED)
         self._end_direction(rows[spent], EndReason.SPENT)
         self._cross(rows[over & ~spent])
         return rows[free]

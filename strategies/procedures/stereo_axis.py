@@ -19,6 +19,7 @@ from warpgrasp.touch.tactile_image import hough_lines
 
 _NEAR_PIXELS = 1.6  # edges this near to a Hough line belong to it
 _CANDIDATES = 8
+_EDGES = 4  # edge pixels of an image that have noise of their own, for each of its rows
 _COMPARABLE = 0.6
 _LEAN_MOST_RAD = np.radians(40)
 """Of an axis that stands, and of the two sides from each other: the contour follower's limit."""
@@ -45,7 +46,8 @@ def see_axis(robot: Robot, target_m: np.ndarray, table: StereoTable | None = Non
     cameras = stereo_cameras(table, np.asarray(target_m, float))
     worlds = len(target_m)
     seen = object_regions(robot.look(cameras, table).reshape(-1, table.pixels, table.pixels))
-    noise = table.pixel_noise * robot.camera_noise(2 * table.pixels).reshape(2 * worlds, -1)
+    noise = table.pixel_noise * robot.camera_noise(2 * _EDGES * table.pixels, axis=True).reshape(
+        2 * worlds, -1)
     lines = longest_lines(seen, noise, cameras).reshaped(worlds)
     planes = np.einsum("wcij,wckj->wcki", cameras.axes, lines.normal)
     along = np.cross(planes[:, 0, :, None], planes[:, 1, None])  # of each pair, (world, k, k, 3)
@@ -121,7 +123,8 @@ def longest_lines(seen: np.ndarray, noise: np.ndarray, cameras: Cameras) -> Edge
     """The longest lines on the edges of each silhouette.
 
     `seen` is bool (n, row, column). A Hough line is refined by total least squares over the edges
-    near it, each moved along the line's normal by its own `noise` (n, any) [pixels].
+    near it, each moved along the line's normal by its own `noise` (n, any) [pixels]: that of its
+    number among the edges.
     """
     edges = silhouette_edges(seen)
     lines = hough_lines(edges, count=_CANDIDATES, fewest=8)
@@ -134,11 +137,13 @@ def longest_lines(seen: np.ndarray, noise: np.ndarray, cameras: Cameras) -> Edge
         way = way if way[1] >= 0 else -way
         offset = offset if np.sin(angle) >= 0 else -offset
         points = np.argwhere(edges[k]).astype(float)
-        points = points[np.abs(points @ way - offset) <= _NEAR_PIXELS]
+        moved = np.resize(noise[k], len(points))
+        near = np.abs(points @ way - offset) <= _NEAR_PIXELS
+        points, moved = points[near], moved[near]
         if len(points) < 3:
             continue
         side[k, line] = int(np.argwhere(seen[k]).mean(0) @ way > offset)
-        points = points + np.resize(noise[k], len(points))[:, None] * way
+        points = points + moved[:, None] * way
         mean = points.mean(0)
         way = np.linalg.svd(points - mean, full_matrices=False)[2][1]
         # In units of the focal length, from the middle: row is y down, column x to the right.

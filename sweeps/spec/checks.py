@@ -105,6 +105,8 @@ PROCEDURES = {"planar", "contour", "decide"}
 """What feels with pads; planners that do so find out by themselves."""
 _DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
 """Keys that decide of which tables others are read."""
+ERROR_KEYS = ("errors.link_length_pct", "errors.moment_arm_pct", "errors.pad_gain_pct",
+              "errors.scale")
 KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
         "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm", "pads.newton_ohm",
         "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind", "hand.link_length_mm",
@@ -148,6 +150,11 @@ def check_used(study: Study, problems: Problems) -> None:
         for key in [key for n in frozenset.intersection(*study.idle) for key in study.axes[n].keys]:
             for path in places_of_swept(study, key, problems):
                 problems.add(path, "changes nothing in this study: no strategy reads it")
+
+
+def check_errors(study: Study, problems: Problems) -> None:
+    """Notes the first setting under which a true robot could have a factor of zero or less."""
+    note_misfit(study, ERROR_KEYS, lambda tables: tables["errors"].misfit(), ("errors",), problems)
 
 
 def check_pads(study: Study, problems: Problems) -> None:

@@ -12,7 +12,7 @@ from typing import Any
 from sweeps.output import quiet_stdout
 from sweeps.spec.axes import WORDS, read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.checks import check_order, check_pads, check_used
+from sweeps.spec.checks import ERROR_KEYS, check_errors, check_order, check_pads, check_used
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out
 from sweeps.spec.named_files import (
@@ -147,6 +147,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         check_arms(study, values.get("arm", {}), problems)
         check_places(with_ends(study, PLACE_KEYS), problems)
         check_pads(study, problems)
+        check_errors(with_ends(study, ERROR_KEYS), problems)
     if not problems.found:
         check_used(study, problems)
     return study

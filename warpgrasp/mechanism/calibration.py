@@ -22,10 +22,15 @@ from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.mechanism.utah_mit_weight import link_weights, weight_bounds
-from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import (
+    LARGEST_ERROR,
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    SensorTable,
+)
 
-_LARGEST = 3.0
-"""Standard deviations: no robot leaves the bench with more."""
 _ARM_LENGTHS = ("d1", "d3", "d4", "a2", "a3")
 _ARM_LEVER_M, _MOUNT_LEVER_M = 0.5, 0.15
 """From the arm's joints, and from the mount, to a fingertip, about."""
@@ -74,13 +79,16 @@ def draw_calibration(
     """The errors of each world, from its episode's key (world,) uint64; the defaults are the
     Utah-MIT hand's.
 
-    Normal, cut at three standard deviations; the mount's axes are not cut.
+    Normal, cut at three standard deviations; the mount's axes are not cut. Raises ValueError where
+    factors could be zero or less.
     """
+    if wrong := table.misfit():
+        raise ValueError(wrong)
     stream = counter_key(key, int(Purpose.CALIBRATION))
 
     def draw(number: int, *shape: int) -> np.ndarray:
         values = normal_vector(counter_key(stream, number), int(np.prod(shape)))
-        return np.clip(values, -_LARGEST, _LARGEST).reshape(len(key), *shape)
+        return np.clip(values, -LARGEST_ERROR, LARGEST_ERROR).reshape(len(key), *shape)
 
     mount = normal_vector(counter_key(key, int(Purpose.MOUNT)), 6)
     turn = Rotation.from_rotvec(mount[:, 3:] * table.mount_rad).as_quat()
@@ -95,7 +103,7 @@ def draw_calibration(
         mount=np.concatenate([mount[:, :3] * table.mount_m, turn], axis=1),
         pad_shift_m=table.pad_m * draw(6, *each, 2),
         pad_gain=1.0 + table.pad_gain_share * draw(7, *each),
-        askew_limit=_LARGEST * (3 * table.joint_offset_rad + table.link_length_share))
+        askew_limit=LARGEST_ERROR * (3 * table.joint_offset_rad + table.link_length_share))
 
 
 @lru_cache(maxsize=4)

@@ -190,3 +190,23 @@ def test_a_cylinder_is_not_flat() -> None:
     point = truth.body_pose[:, :3] + [-0.035, 0, 0.06]
     e = explore_plane(robot, point, np.tile([-1.0, 0.0, 0.0], (10, 1)))
     assert not planes_of(e).flat.any()
+
+
+def test_steps_are_as_long_as_asked() -> None:
+    """They were whole intervals: 1.5, 2 and 2.5 mm were the same exploration."""
+    no_noise = PadTable(noise_counts=0.0, gain_spread=0.0)
+    for step_m, interval_m in ((0.0025, 0.001), (0.0035, 0.001), (0.006, 0.004)):
+        robot, truth = set_up(1, pads=no_noise, errors=ErrorTable.none())
+        found = explore_plane(robot, *told_face(truth, "near"), options=PlanarOptions(
+            step_m=step_m, interval_m=interval_m))
+        along = found.touches.hand_pose[found.touches.part == 0, :3] @ found.axes[0, 0]
+        assert np.diff(along)[:-1].mean() == pytest.approx(step_m, rel=0.02)
+
+
+def test_a_finger_past_an_edge_that_touches_it_has_not_found_a_lower_surface() -> None:
+    """In 197 of 200 worlds the side of the block was said to be one."""
+    robot, truth = set_up(6)
+    point = truth.body_pose[:, :3] + [0.0, 0.0, 0.12]
+    found = explore_plane(robot, point, np.tile([0.0, 0.0, 1.0], (6, 1)))
+    assert (found.reason == EndReason.COMPLETE).all()
+    assert not (found.direction_reason == EndReason.FELL_AWAY).any()

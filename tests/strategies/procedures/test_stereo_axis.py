@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strategies.procedures.stereo_axis import see_axis
+from strategies.procedures.stereo_axis import longest_lines, see_axis
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable, StereoTable
 from warpgrasp.robot import Robot, Truth
@@ -80,3 +80,19 @@ def test_edges_that_are_missing_cost_accuracy_and_no_axis() -> None:
     axis, off = look("wine_bottle", 0.0, StereoTable(missing_edges=0.2, flipped_pixels=0.05))
     assert axis.found.all()
     assert np.median(off) < 3.0
+
+
+def test_both_sides_of_an_object_are_read_by_themselves() -> None:
+    """They had the same noise, so that their mean was no surer than each."""
+    seen = np.zeros((1, 256, 256), bool)
+    seen[0, 60:200, 100:150] = True
+    cameras = stereo_cameras(StereoTable(), np.zeros((1, 3)))
+    slopes = []
+    for seed in range(60):
+        noise = np.random.default_rng(seed).normal(size=(1, 1024))
+        lines = longest_lines(seen, noise, cameras)
+        longest = np.argsort(-lines.votes[0])[:2]
+        assert sorted(lines.side[0, longest]) == [0, 1]
+        normal = lines.normal[0, longest[np.argsort(lines.side[0, longest])]]
+        slopes.append(normal[:, 1] * np.sign(normal[:, 0]))
+    assert abs(np.corrcoef(np.array(slopes).T)[0, 1]) < 0.4

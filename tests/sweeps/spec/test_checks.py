@@ -56,6 +56,9 @@ def test_pads_fit_their_links_where_a_strategy_feels(
     ('order = ["contour"]\n[pads]\nnoise_counts = 4\n', "threshold in 1 of a pad's readings"),
     ('order = ["planar"]\n[sweep.grid]\n"pads.threshold_counts" = [6, 4]\n',
      "with pads.threshold_counts = 4: noise alone"),
+    ("[sensors]\njoint_noise_deg = 1\n", ""),
+    ('order = ["contour"]\n[sensors]\njoint_noise_deg = 1\n', "past pads.yield_deg = 1.5"),
+    ("[sensors]\ntension_step_N = 2\n", "steps of 2 N are large beside noise of 0.3 N"),
 ])
 def test_a_threshold_that_noise_passes_is_told(
         tmp_path: Path, more: str, says: str) -> None:
@@ -125,3 +128,21 @@ def test_a_place_without_a_column_is_taken(tmp_path: Path) -> None:
     assert "from x_mm = 440, y_mm = 0" in refusals(tmp_path, 'arm = "beside.toml"\n' + SMALL)[0]
     together = '[sweep.zip]\narm = ["none", "puma560"]\n"object.x_mm" = [0, 450]\n'
     read_spec(write_spec(tmp_path, SMALL + together))
+
+
+@pytest.mark.parametrize(("more", "place"), [
+    ("[errors]\nscale = 4\n", "11: errors.scale"),
+    ("[errors]\npad_gain_pct = 40\n", "11: errors.pad_gain_pct"),
+    ('[sweep.grid]\n"errors.scale" = [1, 3, 5]\n', "10: sweep"),
+    ('[search]\n"errors.scale" = { low = 1, high = 6 }\n', "7: search")])
+def test_errors_that_turn_a_factor_round_are_refused(
+        tmp_path: Path, more: str, place: str) -> None:
+    """Tendons would be read with the wrong sign, and pads be dead."""
+    text = SMALL[:SMALL.rindex("[[")] if "search" in more else SMALL  # which is of one strategy
+    says, = refusals(tmp_path, text + more)
+    assert says.startswith(f"{tmp_path}/spec.toml:{place}: ")
+    assert "make some zero or less; should be below 33 %" in says
+
+
+def test_errors_as_large_as_they_may_be_are_taken(tmp_path: Path) -> None:
+    read_spec(write_spec(tmp_path, SMALL + "[errors]\nscale = 3.3\n"))
