@@ -43,8 +43,9 @@ from strategies.procedures.containment import explore_by_containment
 from strategies.procedures.contour_follower import explore_contour
 from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
-from strategies.procedures.planar_explorer import PlanarExploration, explore_plane
+from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import Face, planes_of
+from strategies.procedures.planar_record import PlanarExploration
 from strategies.procedures.possible import NotPossible, check_possible, fault_status
 from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import (
@@ -78,6 +79,8 @@ from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Robot
 
+_ROUNDED = 1e-9
+"""By which the length of a quaternion may be off 1."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 
 
@@ -248,6 +251,9 @@ class RunningExploration:
 
     def _grasp(self, probe: Grasp, mask: np.ndarray) -> None:
         pose = np.where(mask[..., None], np.asarray(probe.hand_pose, float), _SAFE_POSE)
+        # Rounded quaternions turn as their numbers say; the others keep their bits.
+        length = np.linalg.norm(pose[..., 3:], axis=-1, keepdims=True)
+        pose[..., 3:] /= np.where(np.abs(length - 1.0) > _ROUNDED, length, 1.0)
         closings, room = probe.closings or self.closings, self._touches_left()
         if self.budget.robot_time_s is not None and self.budget.time_each_pose:
             # Poses that would begin too late are known once all were tried on a copy.

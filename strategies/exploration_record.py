@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from strategies.procedures.contour_record import ContourExploration
-from strategies.procedures.planar_explorer import PlanarExploration
+from strategies.procedures.planar_record import PlanarExploration
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import contact_verdicts

@@ -35,6 +35,14 @@ FIELD_SPREAD_M = 0.01
 """Standard deviation of such a surface before any touch [est]."""
 
 
+def alike_over(length_m: float) -> float:
+    """An option `length_m` of a planner. Raises ValueError."""
+    length = float(length_m)
+    if not 1e-3 <= length <= 1.0:
+        raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
+    return length
+
+
 class OneAtATime(ABC):
     """Base of these planners: the candidate of the greatest gain that was not taken yet."""
 
@@ -164,9 +172,7 @@ class SurfaceGaussianProcess(OneAtATime):
     def __init__(self, length_m: float = 0.03) -> None:
         """`length_m`: over which distances the surface is alike. Raises ValueError."""
         super().__init__()
-        self.length_m = float(length_m)
-        if not 1e-3 <= self.length_m <= 1.0:
-            raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
+        self.length_m = alike_over(length_m)
         self.search = FreeFormSearch()
 
     def __call__(self, belief: Belief) -> list[Probe]:

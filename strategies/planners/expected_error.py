@@ -17,7 +17,7 @@ import numpy as np
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import distance_slopes, surface_distance
-from strategies.planners.adaptive import OneAtATime
+from strategies.planners.adaptive import OneAtATime, alike_over
 from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner
 from strategies.recovery.belief import Belief
@@ -44,10 +44,12 @@ class ExpectedError(OneAtATime):
 
     def __init__(self, length_m: float = 0.03, per_second: bool = False) -> None:
         """`length_m`: over which distances what no superquadric explains is alike; `per_second`:
-        the gain is divided by the time that the pose will cost."""
+        the gain is divided by the time that the pose will cost. Raises ValueError."""
         super().__init__()
-        self.length_m = float(length_m)
-        self.per_second = bool(per_second)
+        self.length_m = alike_over(length_m)
+        if not isinstance(per_second, bool):
+            raise ValueError(f"per_second is {per_second!r}; should be true or false")
+        self.per_second = per_second
 
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Expected fall of the mean standard deviation [m], (world, candidate)."""

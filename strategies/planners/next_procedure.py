@@ -9,7 +9,7 @@ from fit.fit_status import FitStatus
 from strategies.planners.probes import CrossFaces, FollowContour
 from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
-from strategies.procedures.planar_explorer import PlanarOptions
+from strategies.procedures.planar_record import PlanarOptions
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Shape
 from strategies.recovery.complete_contour import revolution_misfit, revolution_of_all

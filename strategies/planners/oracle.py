@@ -23,8 +23,11 @@ class Oracle:
     """Chooses by the truth; only a scorer can make it see."""
 
     def __init__(self, tried: int = 10) -> None:
-        """`tried`: candidates tried at each step, spread over all that are left."""
-        self.tried = int(tried)
+        """`tried`: candidates tried at each step, spread over all that are left. Raises ValueError.
+        """
+        if not isinstance(tried, int) or isinstance(tried, bool) or tried < 1:
+            raise ValueError(f"tried is {tried!r}; should be a whole number from 1")
+        self.tried = tried
         self.taken: np.ndarray | None = None
         self.foresee: Foresight | None = None
         self.error: Callable[[Recovered], np.ndarray] | None = None

@@ -13,7 +13,7 @@ import numpy as np
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import closing_names
 from strategies.procedures.contour_record import Axis, ContourOptions
-from strategies.procedures.planar_explorer import PlanarOptions
+from strategies.procedures.planar_record import PlanarOptions
 from warpgrasp.parameters import HandTable
 
 TABLE_M = 0.0
@@ -83,7 +83,7 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
     if isinstance(probe, Grasp):
         pose = _checked("Grasp.hand_pose", probe.hand_pose, worlds, 7)
         known = closing_names(hand)
-        if isinstance(probe.closings, str) or not set(probe.closings) <= set(known):
+        if not isinstance(probe.closings, tuple | list) or not set(probe.closings) <= set(known):
             raise ProbeError(f"Grasp.closings is {probe.closings!r}; should be a tuple of names "
                              f"of: {', '.join(known)}")
         fingers = (*pose.shape[:2], outline_of(hand).fingers)
@@ -133,8 +133,11 @@ def misfits(probe: Probe) -> list[tuple[np.ndarray, str]]:
 
 def _misfits_of(what: str, numbers: np.ndarray, way: np.ndarray) -> list[tuple[np.ndarray, str]]:
     finite = np.isfinite(np.concatenate([numbers, way], -1)).all(-1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(way, axis=-1)
     return [(np.asarray(~finite), f"{what} that is not finite"),
-            (np.asarray(finite & ~way.any(-1)), f"{what} whose direction has no length")]
+            (np.asarray(finite & ~((length > 0.0) & np.isfinite(length))),
+             f"{what} whose direction has no length, or none that can be told")]
 
 
 def _check_options(name: str, options: object, kind: type) -> None:

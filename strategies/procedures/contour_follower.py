@@ -13,6 +13,7 @@ may be wrong by some degrees; each section's own centre steers the next.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fit.rotation import matrix_of_quaternion
 from strategies.procedures.contour_record import Axis, ContourExploration, ContourOptions
 from strategies.procedures.possible import opposed_of
 from strategies.procedures.touches import TABLE_MARGIN_M, EndReason, TouchLog
@@ -73,6 +74,7 @@ class _Follower:
         self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
         self.backed_off_m = np.zeros(worlds)  # farther away, to clear the object
         self.nearer = np.zeros(worlds, bool)  # this section is tried again, less held off
+        self.last = np.full((worlds, 7), np.nan)  # pose of the hand, where it is at the object
         self.place = np.zeros(worlds)  # of the section, along the axis from its foot
         self.step = np.full(worlds, options.step_m)
         self.searching = np.zeros(worlds, bool)  # for the end, by halving
@@ -96,6 +98,7 @@ class _Follower:
             if len(rows) == 0:
                 break
             self._take_section(rows)
+        self._retreat()
         return ContourExploration(self.log.table(), self.reason, self.axis, self.pair.fingers[1],
                                   self.found, self.rejected, self.touch_count, self.time,
                                   self.path, self.log.missed())
@@ -203,6 +206,9 @@ class _Follower:
                 finger=self.pair.fingers[0], commands_rad=self.pair.open_rad,
                 checked=sideways != o.sidesteps_m[0])
             self._spend(left, touch)
+            came = touch.status != ProbeStatus.UNREACHABLE
+            self.last[left[came]] = start[came]
+            self.last[left[came], :3] += (z * (touch.steps * interval)[:, None])[came]
             stopped = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
             short = o.retreat_m - touch.steps * interval + _BACK_OFF_M
             # Almost there, something of the hand meets the object: a little less deep will do.
@@ -214,6 +220,20 @@ class _Follower:
             left = left[~free & (touch.status != ProbeStatus.UNREACHABLE)]
         self.reason[left] = EndReason.START_BLOCKED
 
+    def _retreat(self) -> None:
+        """The open hand goes out as it came in: from there the arm goes elsewhere."""
+        rows = np.flatnonzero(np.isfinite(self.last[:, 0]))
+        if len(rows) == 0:
+            return
+        interval = 0.002
+        back = -matrix_of_quaternion(self.last[rows, 3:])[:, :, 2]
+        touch = self.robot.guarded_line(
+            rows, self.last[rows], back, interval_m=interval,
+            steps=round(self.o.retreat_m / interval), finger=self.pair.fingers[0],
+            commands_rad=self.pair.open_rad)
+        self.time[rows] += touch.time_s
+        self.path[rows] += touch.path_m
+
     def _spend(self, rows: np.ndarray, touch: LineTouch) -> None:
         self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
@@ -221,7 +241,7 @@ class _Follower:
 
     def _take_section(self, rows: np.ndarray) -> None:
         """Thumb, then index finger; what they found steers the hand to the next section."""
-        pose = self._pose(rows)
+        pose = self.last[rows] = self._pose(rows)
         thumb, index = (self._close(rows, pose, which) for which in (1, 0))
         status = np.stack([thumb.status, index.status], 1)
         low = np.stack([thumb.point_m[:, 2], index.point_m[:, 2]], 1) < TABLE_MARGIN_M

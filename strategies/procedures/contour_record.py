@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from strategies.procedures.touches import MissedTips, TouchTable
+from strategies.procedures.touches import MissedTips, TouchTable, check_lengths
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,9 @@ class ContourOptions:
     """As many as the axis is long, and some more, unless given."""
     most_blocked: int = 4
     """Sections running without two touches that end the search."""
+
+    def __post_init__(self) -> None:
+        check_lengths(self, "step_m", "finest_step_m", "retreat_m")
 
 
 @dataclass(frozen=True)

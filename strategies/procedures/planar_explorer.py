@@ -11,7 +11,6 @@ across. A host-side state machine over the whole batch: worlds that are done are
     planes = planes_of(found)                               # strategies.procedures.planar_faces
 """
 
-from dataclasses import dataclass
 from enum import IntEnum
 from math import ceil
 
@@ -19,14 +18,15 @@ import numpy as np
 
 from fit.rotation import matrix_of_quaternion, turn_points
 from strategies.procedures.lean import choose_lean
+from strategies.procedures.planar_record import DIRECTIONS, PlanarExploration, PlanarOptions
 from strategies.procedures.possible import extended_of
-from strategies.procedures.touches import EndReason, MissedTips, TouchLog, TouchTable
+from strategies.procedures.touches import EndReason, TouchLog
+from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
 from warpgrasp.touch.line_touch import LineTouch, Until
 
-DIRECTIONS = 4  # along u both ways, then along v both ways
 _TRAVEL_M = 0.004  # guarded intervals of a way back
 _OVER_M = 0.008  # and how much higher it leads than others
 _TRIES = 3  # each so much higher again
@@ -38,54 +38,6 @@ _ENDED = {ProbeStatus.NO_CONTACT: EndReason.NO_CONTACT,
           ProbeStatus.BLOCKED: EndReason.BLOCKED,
           ProbeStatus.UNREACHABLE: EndReason.UNREACHABLE}
 """What a first approach that touches nothing ends with."""
-
-
-@dataclass(frozen=True)
-class PlanarOptions:
-    """How a face is crossed [m]."""
-
-    interval_m: float = 0.001
-    """Of a guarded line; searches towards the surface go as many whole ones as come nearest."""
-    stand_off_m: float = 0.030
-    """The approach starts this far before the point given."""
-    search_m: float = 0.040
-    """And ends this far behind it."""
-    step_m: float = 0.006
-    """Along the surface."""
-    clear_m: float = 0.0015
-    """Lifted further once contact is lost."""
-    edge_drop_m: float = 0.004
-    """No contact this far below the last one: the surface ended or fell away."""
-    fall_drop_m: float = 0.006
-    """How much further the arm moves towards the surface to find out which."""
-    table_clear_m: float = 0.002
-    """The fingertip keeps this far from the table."""
-    most_steps: int = 60
-    """In one direction."""
-    most_blocked: int = 3
-    """Blocked moves running that end a direction."""
-
-
-@dataclass(frozen=True)
-class PlanarExploration:
-    """One face of each world's object, explored."""
-
-    touches: TouchTable
-    """`part` is the direction, 0 to 3: +u, -u, +v, -v; the first contact counts to 0."""
-    reason: np.ndarray
-    """EndReason of each world, (world,)."""
-    direction_reason: np.ndarray
-    """EndReason of each direction, (world, 4)."""
-    axes: np.ndarray
-    """u, v and the outward normal as given, (world, 3, 3)."""
-    rejected: np.ndarray
-    """Moves that were blocked without tactile contact, (world,)."""
-    touch_count: np.ndarray
-    """Guarded lines until contact that were made, felt or not, (world,)."""
-    time_s: np.ndarray
-    path_m: np.ndarray
-    missed: MissedTips
-    """Where the finger met nothing."""
 
 
 def explore_plane(
@@ -120,6 +72,10 @@ class _Phase(IntEnum):
     """Off what was met on that way, to try it higher."""
     DOWN = 8
     """To the first contact."""
+    LEAVE_FACE = 9
+    """Off the face, for good."""
+    RETREAT = 10
+    """Out along the hand's axis, as after a grasp: from there the arm goes elsewhere."""
 
 
 class _Explorer:
@@ -142,6 +98,7 @@ class _Explorer:
         self.reason = np.where(good, EndReason.GOING_ON, EndReason.BAD_START)
         if wanted is not None:
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
+        self.ending = self.reason.copy()  # what `reason` will be after the retreat
         self.direction_reason = np.zeros((worlds, DIRECTIONS), int)
         self.direction = np.zeros(worlds, int)
         self.place = np.zeros((worlds, 3))  # of the hand, as commanded
@@ -183,7 +140,7 @@ class _Explorer:
             interval_m=interval, steps=self.intervals[rows], finger=self.one.finger,
             commands_rad=self.one.commands_rad, until=self.until[rows], checked=checked)
         self.place[rows] += self.way[rows] * (touch.steps * interval)[:, None]
-        self.touch_count[rows] += touch.is_touch
+        self.touch_count[rows] += touch.is_touch & (self.phase[rows] != _Phase.RETREAT)
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
         return touch
@@ -208,7 +165,8 @@ class _Explorer:
                 _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
                 _Phase.LOWER: self._look_further, _Phase.FURTHER: self._edge,
                 _Phase.LEAVE: self._rise_and_go_over, _Phase.OVER: self._come_down,
-                _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first}.items():
+                _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first,
+                _Phase.LEAVE_FACE: self._retreat, _Phase.RETREAT: self._finish}.items():
             mine = (phase == now) & ~strange
             if mine.any():
                 go_on(rows[mine], status[mine])
@@ -257,7 +215,7 @@ class _Explorer:
     def _begin(self, rows: np.ndarray, status: np.ndarray) -> None:
         self.first[rows] = self.place[rows]
         for code, why in _ENDED.items():
-            self.reason[rows[status == code]] = why
+            self._end(rows[status == code], why)
         self._cross(rows[status == ProbeStatus.CONTACT])
 
     def _cross(self, rows: np.ndarray) -> None:
@@ -335,7 +293,7 @@ class _Explorer:
         self.steps[rows], self.blocked[rows], self.tries[rows] = 0, 0, 0
         done = self.direction[rows] >= DIRECTIONS
         self.direction[rows[done]] = DIRECTIONS - 1
-        self.reason[rows[done]] = EndReason.COMPLETE
+        self._end(rows[done], EndReason.COMPLETE)
         self._plan_release(_Phase.LEAVE, rows[~done])
 
     def _rise_and_go_over(self, rows: np.ndarray, _: np.ndarray) -> None:
@@ -373,7 +331,22 @@ class _Explorer:
     def _bar(self, rows: np.ndarray) -> None:
         """No way leads back: these worlds are done."""
         self.rejected[rows] += 1
-        self.reason[rows] = EndReason.BLOCKED
+        self._end(rows, EndReason.BLOCKED)
+
+    def _end(self, rows: np.ndarray, why: EndReason) -> None:
+        """Off the face and to a retreat, if the hand is there at all."""
+        self.ending[rows] = why
+        if why in (EndReason.UNREACHABLE, EndReason.START_BLOCKED):
+            self._finish(rows, rows)
+        else:
+            self._plan_release(_Phase.LEAVE_FACE, rows)
+
+    def _retreat(self, rows: np.ndarray, _: np.ndarray) -> None:
+        forward = matrix_of_quaternion(self.turn[rows])[:, :, 2]
+        self._plan_travel(_Phase.RETREAT, rows, -RETREAT_M * forward)
+
+    def _finish(self, rows: np.ndarray, _: np.ndarray) -> None:
+        self.reason[rows] = self.ending[rows]
 
 
 def face_axes(normal: np.ndarray) -> np.ndarray:

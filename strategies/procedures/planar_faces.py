@@ -8,7 +8,7 @@ from fit.arrays import rows_of
 from fit.fit_status import FitStatus
 from fit.plane import fit_plane
 from fit.plane_record import PlaneFit
-from strategies.procedures.planar_explorer import PlanarExploration
+from strategies.procedures.planar_record import PlanarExploration
 
 _FACING_RAD = np.radians(35)
 FLAT_M = 0.001

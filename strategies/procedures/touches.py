@@ -12,6 +12,8 @@ from warpgrasp.touch.line_touch import LineTouch
 
 TABLE_MARGIN_M = 0.006
 """Contacts believed less than this above the table are taken to be the table."""
+SHORTEST_M = 1e-5
+"""Of the lengths that a procedure is told."""
 SLOTS = 256
 """More than one exploration can make with the options' limits."""
 
@@ -186,3 +188,11 @@ def true_touches(table: TouchTable, truth: Truth) -> tuple[np.ndarray, np.ndarra
         point[rows] = line.point_m[table.line_row[rows]]
         normal[rows] = line.normal[table.line_row[rows]]
     return point, normal
+
+
+def check_lengths(options: object, *names: str) -> None:
+    """Raises ValueError for options of a procedure whose lengths of these names are no lengths."""
+    for name in names:
+        if not SHORTEST_M <= getattr(options, name) < 1.0:
+            raise ValueError(f"{type(options).__name__}.{name} is {getattr(options, name)!r}; "
+                             f"should be from {SHORTEST_M:g} to 1 m")

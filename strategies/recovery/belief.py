@@ -81,10 +81,10 @@ class Belief:
     def uncertainty(self) -> BodyUncertainty:
         """Of the model that stands for the body: calibrated intervals of its volume, covariance of
         the superquadric's parameters. Computed on first use."""
-        return calibrated_uncertainty(
+        return read_only(calibrated_uncertainty(
             self.body, None if self.profile is None else revolution_of(self.profile),
             self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm,
-            self.prior)
+            self.prior))
 
     def with_active(self, active: np.ndarray) -> "Belief":
         """The same belief, other worlds going on; its uncertainty, if computed, stays."""

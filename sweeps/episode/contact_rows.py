@@ -16,7 +16,7 @@ import numpy as np
 
 from strategies.exploration_record import Exploration, Procedure
 from strategies.procedures.contour_record import ContourExploration
-from strategies.procedures.planar_explorer import PlanarExploration
+from strategies.procedures.planar_record import PlanarExploration
 from strategies.procedures.touches import TABLE_MARGIN_M, true_touches
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (

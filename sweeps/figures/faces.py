@@ -60,7 +60,7 @@ def faces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> FacesShown:
     """
     from scipy.spatial.transform import Rotation
 
-    from strategies.procedures.planar_explorer import PlanarExploration
+    from strategies.procedures.planar_record import PlanarExploration
     from sweeps.spec.errors import StoreError
     from warpgrasp.geometry.meshing import body_mesh
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from strategies.procedures.options import PlanarTable
-from strategies.procedures.planar_explorer import PlanarExploration
 from strategies.procedures.planar_faces import angle_between, planes_of
+from strategies.procedures.planar_record import PlanarExploration
 from strategies.procedures.touches import EndReason
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import run_block

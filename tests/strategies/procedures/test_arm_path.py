@@ -21,6 +21,11 @@ def follow_bottle(robot: Robot) -> np.ndarray:
     return explore_contour(robot, Axis.upright(x, y, height, radius)).path_m
 
 
+def follow_cylinder(robot: Robot) -> np.ndarray:
+    x, y, height, radius = np.array([[0.45], [0.0], [0.12], [0.04]])
+    return explore_contour(robot, Axis.upright(x, y, height, radius)).path_m
+
+
 def cross_face(robot: Robot) -> np.ndarray:
     return explore_plane(robot, np.array([[0.42, 0.0, 0.06]]), np.array([[-1.0, 0.0, 0.0]])).path_m
 
@@ -40,7 +45,7 @@ def test_the_path_is_between_all_stations(name: str, explore: Callable) -> None:
 
     def watched(rows, pose, *arguments, **options):
         touch = move(rows, pose, *arguments, **options)
-        if len(rows) and touch.status[0] != ProbeStatus.UNREACHABLE:
+        if len(rows) and (touch.status[0] != ProbeStatus.UNREACHABLE or touch.steps[0]):
             stations.extend([pose[0, :3], touch.hand_pose[0, :3]])
         return touch
 
@@ -49,3 +54,26 @@ def test_the_path_is_between_all_stations(name: str, explore: Callable) -> None:
     # Believed stations are where the encoders say, a tenth of a millimetre off the lines' own ends.
     assert prior == pytest.approx(
         np.linalg.norm(np.diff(stations, axis=0), axis=1).sum(), abs=1e-4 * len(stations))
+
+
+@pytest.mark.parametrize(("name", "explore"), [("block", cross_face),
+                                               ("large_cylinder", follow_cylinder)])
+def test_it_ends_at_a_retreat(name: str, explore: Callable) -> None:
+    """The hand stayed at its last touch, and went straight through the object to what followed."""
+    robot = Robot([body_from_name(name)], np.zeros(1, int),
+                  Truth(np.array([[0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])), np.array([5], np.uint64),
+                  ArmTable(), HandTable(), SensorTable())
+    move, lines = robot.guarded_line, []
+
+    def watched(rows, pose, *arguments, **options):
+        touch = move(rows, pose, *arguments, **options)
+        lines.append((pose[0], touch))
+        return touch
+
+    robot.guarded_line = watched
+    explore(robot)
+    pose, touch = lines[-1]
+    assert touch.status[0] == ProbeStatus.NO_CONTACT
+    x, y, z, w = pose[3:]
+    out = np.array([2 * (x * z + y * w), 2 * (y * z - x * w), 1 - 2 * (x**2 + y**2)])
+    assert (touch.hand_pose[0, :3] - pose[:3]) @ out < -0.095

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from strategies.procedures.planar_explorer import PlanarExploration, PlanarOptions, explore_plane
+from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import Face, angle_between, planes_of
+from strategies.procedures.planar_record import PlanarExploration, PlanarOptions
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
