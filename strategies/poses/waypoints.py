@@ -86,6 +86,11 @@ def _number(default: Any, low: float, high: float, doc: str) -> Any:
     return field(default=default, metadata={"low": low, "high": high, "doc": doc})
 
 
+def _unused(default: float) -> Any:
+    """A field of `Placement` that says nothing of a family, which has its own."""
+    return field(default=default, init=False)
+
+
 _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 
 
@@ -125,6 +130,7 @@ class Ring(Placement):
 class Column(Placement):
     """A ring repeated up the object: `count` poses in all, spread over `levels` heights."""
 
+    aim: float = _unused(0.5)
     count: int = field(default=9, metadata=_COUNT)
     levels: int = _number(3, 1, 32, "heights, evenly from `aim_low` to `aim_high`")
     aim_low: float = _number(0.25, -1.0, 2.0, "lowest height / height of the object")
@@ -144,6 +150,7 @@ class Opposing(Placement):
 class Top(Placement):
     """Straight from above, the rolls evenly over half a turn."""
 
+    tilt_rad: float = _unused(radians(55))
     count: int = field(default=2, metadata=_COUNT)
 
 
@@ -152,6 +159,7 @@ class Top(Placement):
 class Random(Placement):
     """Directions even over the part of the sphere above `tilt_rad`, any roll, any height."""
 
+    aim: float = _unused(0.5)
     count: int = field(default=6, metadata=_COUNT)
     aim_low: float = _number(0.25, -1.0, 2.0, "lowest height aimed at")
     aim_high: float = _number(0.75, -1.0, 2.0, "highest height aimed at")
@@ -162,6 +170,7 @@ class Random(Placement):
 class Spiral(Placement):
     """Up the object as on a screw: height rises as the azimuth goes `turns` times around."""
 
+    aim: float = _unused(0.5)
     count: int = field(default=12, metadata=_COUNT)
     turns: float = _number(2.0, 0.0, 64.0, "times around from the first pose to the last")
     aim_low: float = _number(0.2, -1.0, 2.0, "height aimed at first / height of the object")

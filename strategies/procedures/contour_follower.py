@@ -231,8 +231,7 @@ class _Follower:
             rows, self.last[rows], back, interval_m=interval,
             steps=round(self.o.retreat_m / interval), finger=self.pair.fingers[0],
             commands_rad=self.pair.open_rad)
-        self.time[rows] += touch.time_s
-        self.path[rows] += touch.path_m
+        self._spend(rows, touch)
 
     def _spend(self, rows: np.ndarray, touch: LineTouch) -> None:
         self.touch_count[rows] += touch.is_touch

@@ -140,7 +140,7 @@ class _Explorer:
             interval_m=interval, steps=self.intervals[rows], finger=self.one.finger,
             commands_rad=self.one.commands_rad, until=self.until[rows], checked=checked)
         self.place[rows] += self.way[rows] * (touch.steps * interval)[:, None]
-        self.touch_count[rows] += touch.is_touch & (self.phase[rows] != _Phase.RETREAT)
+        self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
         return touch

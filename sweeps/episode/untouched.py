@@ -8,9 +8,11 @@ wrong with a waypoint.
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from fit.arrays import rows_of
 from strategies.exploration_record import Exploration
 from strategies.poses.hand_outline import outline_of
-from strategies.poses.waypoints import BoundingCylinder
+from strategies.poses.hand_poses import waypoint_poses
+from strategies.poses.waypoints import BoundingCylinder, Ring, Top
 from strategies.procedures.touches import REASON_TEXT, EndReason
 from warpgrasp.geometry.body import Body
 from warpgrasp.geometry.body_sampling import sample_body
@@ -50,7 +52,8 @@ def why_untouched(
         unfelt |= (free & true.pressed).any((1, 2, 3))
     silent = ~exploration.belief.evidence.mask.any(1)
     for world in np.flatnonzero(silent & ~tried.any(1)).tolist():
-        found[world] = _why_ended(exploration, world)
+        found[world] = (_why_ended(exploration, world)
+                        or _out_of_reach(rows_of(prior, np.array([world])), arm, hand) or UNTRIED)
     for world in np.flatnonzero(silent & tried.any(1)).tolist():
         mine = status[world][tried[world]]
         poses = asked[world][tried[world]]
@@ -84,11 +87,21 @@ def mostly_itself(exploration: Exploration) -> np.ndarray:
 
 
 def _why_ended(exploration: Exploration, world: int) -> str:
-    """Why what felt with pads ended in a world, each reason once; `UNTRIED` where nothing did."""
+    """Why what felt with pads ended in a world, each reason once; empty where nothing did."""
     return "; ".join(dict.fromkeys(
         f"{p.name}: {REASON_TEXT[EndReason(p.felt.reason[world])]}"
         for p in exploration.procedures
-        if not isinstance(p.felt, Grasps) and p.took_part[world])) or UNTRIED
+        if not isinstance(p.felt, Grasps) and p.took_part[world]))
+
+
+def _out_of_reach(prior: BoundingCylinder, arm: ArmTable, hand: HandTable) -> str:
+    """That no pose around and above the object of one world is reached, if so: planners do not ask
+    for such poses."""
+    poses, = waypoint_poses((Ring(), Top()), prior, hand, np.zeros(1, np.uint64))
+    if any(pose_reachable(arm, hand, pose) for pose in poses):
+        return ""
+    return (f"the arm reaches none of {_poses(len(poses))} around the object, "
+            f"{_nearest_text(poses[0], arm, hand)}")
 
 
 def _poses(count: int) -> str:

@@ -8,7 +8,7 @@ study that has grown; nothing that does not matter (paths, the study's name, oth
 import hashlib
 import json
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import cache
 from itertools import groupby
 from operator import itemgetter
@@ -23,7 +23,7 @@ from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
 from sweeps.spec.study import ARM_KEY, FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 36  # raise when rows change their meaning: older units are then computed again
+RESULTS_SCHEMA = 37  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 TOGETHER = 8  # units of a cell before the next cell's turn: as many as one call takes
 WIDEST = 100  # characters that are shown of a value
@@ -269,7 +269,8 @@ def study_of(resolved: Mapping[str, Any], name: str = "", keep: str = "nothing")
         given = {k: _tuples(v) for k, v in values.items() if k not in ("kind", "sha256")}
         if "sha256" in values:
             given["file"] = f"sha256:{values['sha256']}"
-        return WAYPOINT_KINDS[values["kind"]](**given)
+        kind = WAYPOINT_KINDS[values["kind"]]
+        return kind(**{f.name: given[f.name] for f in fields(kind) if f.init and f.name in given})
 
     return Study(
         StudyTable(name=name, seed=resolved["seed"],

@@ -9,6 +9,7 @@ from strategies.planners.register import planner
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.poses.waypoints import Ring
 from strategies.procedures.contour_record import Axis
+from strategies.procedures.planar_record import PlanarOptions
 
 
 def one_ring(belief):
@@ -95,3 +96,32 @@ def axis_without_length(belief):
     axis = Axis.upright(*(belief.prior.x_m, belief.prior.y_m, belief.prior.height_m,
                           belief.prior.radius_m))
     return [FollowContour(replace(axis, direction=0.0 * axis.direction))]
+
+
+def _six(belief):
+    return waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)
+
+
+def rounded(belief):
+    """Quaternions as a user writes them down."""
+    return [Grasp(np.round(_six(belief), 3))] if belief.step == 0 else []
+
+
+def a_set_of_closings(belief):
+    return [Grasp(_six(belief), closings={"curl40", "curl25"})]
+
+
+def no_interval(belief):
+    return [CrossFaces(np.zeros((belief.worlds, 1, 3)), np.ones((belief.worlds, 1, 3)),
+                       options=PlanarOptions(interval_m=0.0))]
+
+
+def face_without_end(belief):
+    return [CrossFaces(np.zeros((belief.worlds, 1, 3)), np.full((belief.worlds, 1, 3), 1e300))]
+
+
+def writes_to_its_uncertainty(belief):
+    if belief.step == 0:
+        return [Grasp(_six(belief))]
+    belief.uncertainty.log_volume_std[:] = 0.0
+    return []

@@ -75,8 +75,24 @@ def test_a_users_function_and_class_run() -> None:
     assert np.array_equal(several.belief.evidence.mask.sum(1) > 0, [True, True])
 
 
+def test_poses_that_were_rounded_are_taken() -> None:
+    """They ended the command, or the unit of a study."""
+    found = run(mine("rounded"))
+    assert (found.status == "ok").all()
+    assert (found.belief.touches > 8).all()
+
+
+@pytest.mark.parametrize(("name", "options"), [
+    ("expected-error", {"length_m": 0}), ("expected-error", {"length_m": float("nan")}),
+    ("expected-error", {"per_second": "no"}), ("oracle", {"tried": 0}), ("oracle", {"tried": 2.5})])
+def test_options_that_make_no_planner_are_refused(name: str, options: dict) -> None:
+    """Episodes without a touch came of them, or the opposite of what was asked."""
+    with pytest.raises(PlannerError, match=f"{next(iter(options))} is"):
+        make_planner(name, options)
+
+
 @pytest.mark.parametrize(("name", "says", "worlds"), [
-    ("raises", "mine.py:30: raises: IndexError", [True, True]),
+    ("raises", "mine.py:31: raises: IndexError", [True, True]),
     ("wrong_shape", "shape (2, 7)", [True, True]),
     ("not_finite", "not finite: world 1, probe 2", [False, True]),
     ("through_the_table", "through the table (z below 0): world 0, probe 0", [True, False]),
@@ -87,6 +103,10 @@ def test_a_users_function_and_class_run() -> None:
     ("a_list_of_words", "answered with str in a list; should be a list of ", [True, True]),
     ("leaves", "leaves: SystemExit: 3", [True, True]),
     ("unknown_closing", "Grasp.closings is ('curl99',); should be", [True, True]),
+    ("a_set_of_closings", "; should be a tuple of names of: ", [True, True]),
+    ("no_interval", "PlanarOptions.interval_m is 0.0; should be from", [True, True]),
+    ("face_without_end", "a face whose direction has no length, or none", [True, True]),
+    ("writes_to_its_uncertainty", "assignment destination is read-only", [True, True]),
     ("face_of_nan", "a face that is not finite: world 0, probe 0", [True, False]),
     ("axis_without_length", "an axis whose direction has no length, or none", [True, True]),
 ])

@@ -1,5 +1,6 @@
 """Waypoints: hands look at the object, keep off the table, and files are checked line by line."""
 
+from dataclasses import fields
 from math import pi, radians
 from pathlib import Path
 
@@ -156,3 +157,15 @@ def test_a_family_of_no_poses_is_refused(family: type) -> None:
     for count in (0, -3):
         with pytest.raises(WaypointError, match=f"{family.__name__}: count is {count}; should be"):
             family(count=count)
+
+
+@pytest.mark.parametrize("family", [Ring, Column, Opposing, Top, Random, Spiral, Hemisphere])
+def test_every_number_of_a_family_moves_its_poses(family: type) -> None:
+    """Some had a height, or a tilt, that changed nothing."""
+    for f in fields(family):
+        if f.init and f.name != "count":
+            low, high = f.metadata["low"], f.metadata["high"]
+            one, other = (waypoint_poses((family(**{f.name: value}),), prior(height=0.3), HAND,
+                                         np.zeros(1, np.uint64))
+                          for value in (0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high))
+            assert one.shape != other.shape or not np.allclose(one, other), f.name

@@ -139,3 +139,12 @@ def test_a_row_says_that_nothing_was_tried(tmp_path: Path) -> None:
     (tmp_path / "idle.py").write_text("def idle(belief):\n    return []\n")
     assert notes_of(Strategy("idle", call=f"{tmp_path}/idle.py:idle"), {"name": "block"}) == [
         UNTRIED] * 4
+
+
+def test_an_object_out_of_reach_is_told_where_a_planner_asks_for_nothing() -> None:
+    """Planners leave out poses that the arm does not reach; that read as if they had no wish."""
+    cell = Cell(STRATEGIES["even"], {"name": "block"}, "it", seed=0,
+                placement=ObjectTable(x_m=1.4))
+    rows = run_episodes(cell, np.arange(2), "cpu")
+    assert all(note.startswith("the arm reaches none of 8 poses around the object, such as (")
+               for note in rows["note"])
