@@ -71,8 +71,8 @@ def test_what_grasps_told_is_learned_where_those_of_worlds_that_ended_were_not_m
 
 def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:
     short = replace(STRATEGIES["any-object"], touches=32)
-    rows = episodes(short, "hammer-1", np.arange(8))
-    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(8))
+    rows = episodes(short, "hammer-1", np.arange(4))
+    rings = episodes(STRATEGIES["rim6-ring12"], "hammer-1", np.arange(4))
     assert ((rows["touches"] >= 32) & (rows["touches"] < 36)).all(), "the last pose is whole"
     assert rows["touched10mm"].mean() > 2.0 * rings["touched10mm"].mean()
     assert rows["touched10mm"].min() > 0.05
@@ -89,7 +89,7 @@ def test_where_touches_are_limited_fingers_that_would_find_little_stay_open() ->
     for strategy in (limited, timed):
         table = family_table("hammer-1")
         assert table is not None
-        block = run_block(Cell(strategy, table, "hammer-1", seed=4, fit=FIT), np.arange(4), "cpu")
+        block = run_block(Cell(strategy, table, "hammer-1", seed=4, fit=FIT), np.arange(2), "cpu")
         grasps = [p.felt for p in block.exploration.procedures]
         assert all(isinstance(g, Grasps) for g in grasps)
         made = np.concatenate([was_made(g.closing.status)[:, :, 0] for g in grasps], 1)

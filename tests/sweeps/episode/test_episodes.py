@@ -62,7 +62,7 @@ def test_rows_do_not_depend_on_the_batch(rows: dict) -> None:
     "ring6", pytest.param("coarse-to-fine", marks=pytest.mark.slow)])
 def test_objects_run_together_give_the_rows_of_each_alone(strategy: str) -> None:
     egg = {"name": "egg", "superquadric": {"size_mm": [30.0, 30.0, 45.0], "exponents": [1, 1.0]}}
-    tables = [{"name": "block"}, egg, {"name": "wine_bottle"}, {"name": "lightbulb"}]
+    tables = [{"name": "block"}, egg, {"name": "lightbulb"}]
     parts = [(Cell(STRATEGIES[strategy], table, table["name"], seed=11), np.arange(n, n + 2))
              for n, table in enumerate(tables)]
     for part, columns in zip(parts, run_cells(parts, "cpu"), strict=True):

@@ -54,7 +54,8 @@ def test_pads_against_integral_and_mujoco() -> None:
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
-@pytest.mark.parametrize("rubs", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("rubs", [False, True])
 def test_a_few_closings_of_another_hand_against_mujoco(rubs: bool) -> None:
     from sweeps.validate.any_hand import ALONE, BOUNDS, RUBBING, rows_of_tally, tally_of
 

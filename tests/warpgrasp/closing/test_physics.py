@@ -134,7 +134,7 @@ def test_a_stop_is_looked_at_closely() -> None:
 def test_a_rest_on_a_crease_is_a_rest() -> None:
     """Flush with a face or in a neck a link has two places equally near: neither slope vanishes
     there, a mean of the two does."""
-    slopes = np.array(worst_slopes(body_of("wine_bottle"), "base_then_curl", 60))
+    slopes = np.array(worst_slopes(body_of("wine_bottle"), "base_then_curl", 20))
     creased = slopes[:, 0] > GRADIENT_NM
     assert creased.any()
     assert (slopes[creased, 1] <= GRADIENT_NM).all()
