@@ -23,7 +23,7 @@ def said(before: str, flags: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize(("flags", "found"), [
-    ("", [ONE_THREAD]),
+    pytest.param("", [ONE_THREAD], marks=pytest.mark.slow),
     ("--xla_cpu_enable_fast_math=false", ["--xla_cpu_enable_fast_math=false", ONE_THREAD]),
     ("--xla_cpu_multi_thread_eigen=true", ["--xla_cpu_multi_thread_eigen=true"]),
 ])
