@@ -354,7 +354,8 @@ def test_cutting_a_sequence_changes_no_contact() -> None:
     assert np.array_equal(a, b, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["block", "large_cylinder"])
+@pytest.mark.parametrize("name", [
+    pytest.param("block", marks=pytest.mark.slow), "large_cylinder"])
 def test_a_world_does_not_depend_on_the_worlds_beside_it(name: str) -> None:
     strategy = STRATEGIES["coarse-to-fine"]
 

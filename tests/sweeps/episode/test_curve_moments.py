@@ -64,6 +64,7 @@ def test_a_curve_is_that_of_the_body_scored(file: Path, plain) -> None:
             zip(plain["curve_touches"][world], plain["curve_time_s"][world], strict=True))
 
 
+@pytest.mark.slow
 def test_a_point_is_what_an_episode_would_score_that_ended_there() -> None:
     """Episodes of a budget of touches are the beginnings of those of a larger one."""
     long = rows("implicit", MUG, EPISODES[1:])

@@ -165,7 +165,8 @@ def test_rows_hold_the_parameters_of_the_model_chosen() -> None:
 
 @pytest.mark.parametrize(("strategy", "name", "figure", "shape"), [
     pytest.param("planar", "block", "faces.png", "plane", marks=pytest.mark.slow),
-    ("contour-only", "beer_bottle", "contour.png", "revolution")])
+    pytest.param("contour-only", "beer_bottle", "contour.png", "revolution",
+                 marks=pytest.mark.slow)])
 def test_explore_writes_faces_and_a_contour(
     tmp_path: Path, strategy: str, name: str, figure: str, shape: str
 ) -> None:
@@ -232,7 +233,8 @@ def test_none_but_the_oracle_foresees() -> None:
     assert list(run_episodes(replace(CELL, strategy=oracle), np.arange(1), "cpu")["note"]) == [""]
 
 
-@pytest.mark.parametrize("name", ["funnel", "large_cylinder"])
+@pytest.mark.parametrize("name", [
+    "funnel", pytest.param("large_cylinder", marks=pytest.mark.slow)])
 def test_curves_end_where_the_row_does(name: str) -> None:
     """However many poses at the end were barred, and whatever the fits after them came to."""
     strategy = replace(STRATEGIES["ring6"], refit_every=1)
