@@ -85,6 +85,7 @@ def test_where_no_body_is_made_the_curve_is_the_models(file: Path, plain) -> Non
             np.testing.assert_array_equal(found[name][world], plain[name][world][kept])
 
 
+@pytest.mark.slow
 def test_worlds_have_the_curves_that_they_have_alone() -> None:
     every = rows("chosen", MUG)
     alone = rows("chosen", MUG, EPISODES[1:])

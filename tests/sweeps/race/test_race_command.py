@@ -140,6 +140,7 @@ def test_workers_and_interruptions_change_no_byte(tmp_path: Path,
             assert (tmp_path / other / file).read_bytes() == (one / file).read_bytes()
 
 
+@pytest.mark.slow
 def test_a_killed_race_goes_on(tmp_path: Path, whole: tuple[Path, str]) -> None:
     spec = write_spec(tmp_path, SPEC)
     run = ("import sys; from sweeps.run import worker; from sweeps.cli import main as cli; "
