@@ -44,7 +44,7 @@ def test_explore_says_what_it_chose(
         contact_verdicts(*given)) or found[-1])
     assert DEFAULT == "any-object"
     assert f'name = "{DEFAULT}"' in spec_template()
-    explore(body_table={"name": "block"}, strategy=replace(STRATEGIES[DEFAULT], touches=16),
+    explore(body_table={"name": "block"}, strategy=STRATEGIES["ring6"],
             seed=0, yaw_rad=0.0, x_m=0.45, y_m=0.0, out=tmp_path, device="cpu")
     assert "\nchosen: " in capsys.readouterr().err
     assert len(found) == 1
