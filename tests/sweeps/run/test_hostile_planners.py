@@ -123,7 +123,7 @@ def test_deaths_at_the_start_are_counted_in_a_row(
     starts = tmp_path / "starts"
     starts.mkdir()
     monkeypatch.setenv("FAKE_STARTS", str(starts))
-    plan = plan_of(tmp_path / "spec", spec(tmp_path, ["pass"] * 4))
+    plan = plan_of(tmp_path / "spec", spec(tmp_path, ["pass"] * 5))
     store = Store(tmp_path / "out")
     store.open_for(plan, None, "cpu")
     options = Options(1, (1, 1), "cpu", "fake_starts:run_episodes")
