@@ -51,6 +51,7 @@ def test_only_superquadrics_that_are_asked_for_bend(arches: EpisodeBlock) -> Non
     assert with_bends(given, recovered, ~none)[1] is recovered
 
 
+@pytest.mark.slow
 def test_rows_name_the_bent_body_with_its_numbers(arches: EpisodeBlock) -> None:
     rows = run_episodes(replace(CELL, fit=FitTable(reconstruct="chosen")), EPISODES, "cpu")
     named = rows["shape"] == "tapered_bent_superquadric"

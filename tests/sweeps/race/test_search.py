@@ -102,6 +102,7 @@ def test_the_last_race_has_seeds_of_its_own(whole: tuple[Path, str]) -> None:
     assert sum(seeds.values()) == sum(int(row["n_episodes"]) for row in race)
 
 
+@pytest.mark.slow
 def test_workers_and_interruptions_change_no_byte(tmp_path: Path,
                                                   whole: tuple[Path, str]) -> None:
     spec, one = write_spec(tmp_path, SPEC), whole[0]

@@ -81,6 +81,7 @@ def test_a_wide_margin_takes_the_first_rung_alone(tmp_path: Path) -> None:
     assert plan_of(Store(out)).study.head.episodes_per_cell == 64
 
 
+@pytest.mark.slow
 def test_workers_interruptions_and_a_sweep_before_change_no_row(
         tmp_path: Path, whole: tuple[Path, str]) -> None:
     spec, one = write_spec(tmp_path, SPEC), whole[0]

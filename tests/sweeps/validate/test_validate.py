@@ -78,6 +78,7 @@ def test_a_few_closings_against_mujoco(name: str, rubs: bool) -> None:
 
 @pytest.mark.skipif(NO_TOOLBOX, reason="roboticstoolbox is not installed: make validate")
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_puma_against_the_toolbox() -> None:
     from sweeps.validate.puma import compare_puma
 

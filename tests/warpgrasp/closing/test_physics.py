@@ -124,6 +124,7 @@ def worst_slopes(body: Body, path: str, count: int) -> list[tuple[float, float]]
             for energy, q, command, _ in rests(body, poses_about(body, count, 5), path, 6.0)]
 
 
+@pytest.mark.slow
 def test_a_stop_is_looked_at_closely() -> None:
     """Where a link lies deeper at a place that five samples miss, the rest goes on from there; one
     of these stood 0.8 N m off its rest."""
