@@ -43,14 +43,17 @@ def tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text())
 
 
-def imported(path: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
+@cache
+def imported(path: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:
     """Modules that a file imports, anywhere in it, and the names it takes from each."""
+    found: list[tuple[str, tuple[str, ...]]] = []
     for node in ast.walk(tree(path)):
         if isinstance(node, ast.Import):
-            yield from ((alias.name, ()) for alias in node.names)
+            found.extend((alias.name, ()) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import; name the package"
-            yield node.module or "", tuple(alias.name for alias in node.names)
+            found.append((node.module or "", tuple(alias.name for alias in node.names)))
+    return tuple(found)
 
 
 def ours(path: Path) -> Iterator[str]:

@@ -31,6 +31,7 @@ between strategies and sets of objects it varies from 0 to 2."""
 _NOTHING_KNOWN = 100.0
 """An interval that reaches so many times as far as a positive mean says nothing."""
 _BATCH = 100
+_AT_ONCE = 20_000  # pairs: what is worked on stays in the processor's cache
 _SIMULATED = 128  # entries; of more, the number of pairs is extrapolated
 _FREEDOMS = (1.0, 2.0, 3.0, 4.0, 6.0, 9.0, 15.0, 30.0, 80.0, np.inf)
 
@@ -239,12 +240,22 @@ def _largest(generator: np.random.Generator, count: int, freedom: float) -> np.n
     if np.isinf(freedom):
         return np.ptp(mean, axis=1) / np.sqrt(2.0)
     noise = generator.standard_normal((_BATCH, int(freedom), count))
-    cov = np.matmul(noise.transpose(0, 2, 1), noise) / freedom
-    own = np.diagonal(cov, axis1=1, axis2=2)
-    variance = own[:, :, None] + own[:, None] - 2.0 * cov
-    variance[:, np.arange(count), np.arange(count)] = 1.0
-    apart = np.abs(mean[:, :, None] - mean[:, None])
-    return (apart / np.sqrt(np.maximum(variance, 1e-30))).max(axis=(1, 2))
+    square = np.empty(_BATCH)
+    boards = max(1, _AT_ONCE // count**2)
+    for first in range(0, _BATCH, boards):
+        some = slice(first, first + boards)
+        variance = np.matmul(noise[some].transpose(0, 2, 1), noise[some])  # times `freedom`
+        own = np.diagonal(variance, axis1=1, axis2=2).copy()
+        variance *= -2.0
+        variance += own[:, :, None]
+        variance += own[:, None]
+        variance[:, np.arange(count), np.arange(count)] = 1.0
+        np.maximum(variance, 1e-30 * freedom, out=variance)
+        apart = mean[some, :, None] - mean[some, None]
+        apart *= apart
+        apart /= variance
+        square[some] = apart.max(axis=(1, 2))
+    return np.sqrt(freedom * square)
 
 
 def _more_pairs(found: float, freedom: float, times: float) -> float:

@@ -165,18 +165,21 @@ def bad_episode(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
 
 @cell_by_cell
 def planned_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
-    """Calls a planner of the user's as an exploration does, and notes its fault."""
+    """Calls a planner of the user's, a function of a file, as an exploration does, and notes its
+    fault."""
     from strategies.planners.guarded_call import guarded_call
-    from strategies.planners.register import fault_text
-    from strategies.planners.registry import make_planner
+    from strategies.planners.planner_file import planner_file
 
     fault = ""
     if cell.strategy.call:
-        planner = make_planner(cell.strategy.call, {})
+        file, _, name = cell.strategy.call.rpartition(":")
+        planner = getattr(planner_file(Path(file)).module, name)
         try:
             with guarded_call():
-                planner(None)  # type: ignore[arg-type]
+                planner(None)
         except Exception as error:
+            from strategies.planners.register import fault_text  # imports Warp and JAX
+
             fault = fault_text(planner, error)
     return rows_of(cell, episodes) | {"note": np.full(len(episodes), fault, object)}
 

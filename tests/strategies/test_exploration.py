@@ -190,15 +190,18 @@ def test_steps_are_counted_in_each_world() -> None:
     assert [np.sum([p.took_part for p in found.procedures], 0).tolist()] == [[3, 3]]
 
 
-def test_an_order_given_in_advance_is_carried_out_to_its_end() -> None:
-    strategy = Strategy("s", (Ring(count=MOST_STEPS + 2, palm_clearance_m=0.3),),
+def test_an_order_given_in_advance_is_carried_out_to_its_end(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    most = 6
+    monkeypatch.setattr("strategies.planners.from_strategy.MOST_STEPS", most)
+    strategy = Strategy("s", (Ring(count=most + 2, palm_clearance_m=0.3),),
                         order=("containment", "contour"), refit_every=1)
     found = run(OrderedPlanner(strategy, PlanarTable(), ContourTable(), DecideTable()),
                 episodes=(0,), budget=budget_of(strategy))
-    assert found.belief.step == MOST_STEPS + 3
+    assert found.belief.step == most + 3
     assert found.procedures[-1].name == "contour"
     assert not found.stopped.any()
-    assert budget_of(replace(strategy, call="even")).steps == MOST_STEPS
+    assert budget_of(replace(strategy, call="even")).steps == most
 
 
 def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
@@ -371,7 +374,8 @@ def test_cutting_a_sequence_changes_no_contact() -> None:
     assert np.array_equal(a, b, equal_nan=True)
 
 
-@pytest.mark.parametrize("name", ["block", "large_cylinder"])
+@pytest.mark.parametrize("name", [
+    pytest.param("block", marks=pytest.mark.slow), "large_cylinder"])
 def test_a_world_does_not_depend_on_the_worlds_beside_it(name: str) -> None:
     strategy = STRATEGIES["coarse-to-fine"]
 

@@ -107,7 +107,7 @@ def test_what_ships_reads_no_truth(name: str) -> None:
 
 def test_a_search_by_free_forms_reads_no_truth() -> None:
     table = FitTable(taper=False, rivals=False, rounds=0, reconstruct="implicit")
-    assert len(run("gaussian-process", poses=3, table=table)) == 2
+    assert len(run("gaussian-process", poses=2, table=table)) == 2
 
 
 @pytest.mark.slow

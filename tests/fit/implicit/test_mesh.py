@@ -15,7 +15,8 @@ HALF_SIDE_M = 0.08
 REACH_M = 0.05
 
 
-@pytest.mark.parametrize("cells_thick", [0.6, 1.5, 6.0])
+@pytest.mark.parametrize("cells_thick", [
+    0.6, *(pytest.param(thick, marks=pytest.mark.slow) for thick in (1.5, 6.0))])
 def test_plates_that_hide_between_coarse_nodes_are_found(cells_thick: float) -> None:
     """Round plates of many directions: every node of the finest grid is on its side of the mesh,
     though plates pass between those of the coarse one, and most nodes were never asked for."""

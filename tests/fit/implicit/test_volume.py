@@ -6,10 +6,11 @@ import pytest
 from fit.implicit import fit_implicit, implicit_meshes, implicit_volume
 
 
-def test_many_touches_do_not_make_a_body_smaller() -> None:
+@pytest.mark.parametrize("count", [120, pytest.param(200, marks=pytest.mark.slow)])
+def test_many_touches_do_not_make_a_body_smaller(count: int) -> None:
     """An error of a touch moves its point off the surface, too."""
     draw = np.random.default_rng(3)
-    way = draw.normal(size=(4, 200, 3))
+    way = draw.normal(size=(4, count, 3))
     way /= np.linalg.norm(way, axis=2, keepdims=True)
     half = np.array([0.03, 0.04, 0.05])
     fits = fit_implicit(way * half + 0.001 * draw.normal(size=way.shape))

@@ -23,7 +23,7 @@ def said(before: str, flags: str = "") -> list[str]:
 
 
 @pytest.mark.parametrize(("flags", "found"), [
-    ("", [ONE_THREAD]),
+    pytest.param("", [ONE_THREAD], marks=pytest.mark.slow),
     ("--xla_cpu_enable_fast_math=false", ["--xla_cpu_enable_fast_math=false", ONE_THREAD]),
     ("--xla_cpu_multi_thread_eigen=true", ["--xla_cpu_multi_thread_eigen=true"]),
 ])
@@ -47,10 +47,9 @@ def test_workers_and_commands_share_what_is_compiled(own: str) -> None:
     """Else `warmup` warms no study."""
     say = ("import fit.optimize.batch; from fit.optimize import program_cache; "
            "print(program_cache._folder())")
-    worker = ("import subprocess, sys, fit.optimize.batch\n"
-              "from sweeps.run.local_engine import as_a_worker\n"
-              f"with as_a_worker(): subprocess.run([sys.executable, '-c', {say!r}], check=True)")
-    folders = {subprocess.check_output([sys.executable, "-c", code],
-                                       env={**os.environ, "XLA_FLAGS": own})
-               for code in (say, worker)}
-    assert len(folders) == 1
+    both = (f"import subprocess, sys\n{say}; sys.stdout.flush()\n"
+            "from sweeps.run.local_engine import as_a_worker\n"
+            f"with as_a_worker(): subprocess.run([sys.executable, '-c', {say!r}], check=True)")
+    command, worker = subprocess.check_output(
+        [sys.executable, "-c", both], env={**os.environ, "XLA_FLAGS": own}).splitlines()
+    assert command == worker

@@ -75,7 +75,7 @@ def test_what_is_felt_does_not_depend_on_when_bodies_are_fitted() -> None:
     rows = []
     for every in (0, 1):
         strategy = replace(STRATEGIES["even"], refit_every=every, touches=40)
-        rows.append(run_episodes(Cell(strategy, {"name": "block"}, "block", seed=4), np.arange(6),
+        rows.append(run_episodes(Cell(strategy, {"name": "block"}, "block", seed=4), np.arange(3),
                                  "cpu"))
     seldom, each = rows
     for name in ("touches", "contacts", "probes", "unreachable", "collisions", "touched10mm",

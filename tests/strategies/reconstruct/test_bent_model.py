@@ -51,16 +51,15 @@ def test_only_superquadrics_that_are_asked_for_bend(arches: EpisodeBlock) -> Non
     assert with_bends(given, recovered, ~none)[1] is recovered
 
 
-def test_rows_name_the_bent_body_with_its_numbers() -> None:
+@pytest.mark.slow
+def test_rows_name_the_bent_body_with_its_numbers(arches: EpisodeBlock) -> None:
     rows = run_episodes(replace(CELL, fit=FitTable(reconstruct="chosen")), EPISODES, "cpu")
-    plain = run_episodes(CELL, EPISODES, "cpu")
     named = rows["shape"] == "tapered_bent_superquadric"
     assert named.any()
     assert (rows["bend_per_m"][named] > 0.0).all()
-    assert (rows["chamfer_mm"][named] < 0.7 * plain["chamfer_mm"][named]).all()
-    assert (plain["bend_per_m"] == 0.0).all()
+    assert (rows["chamfer_mm"] < 700.0 * arches.scores.chamfer_m)[named].all()
     straight = Cell(STRATEGIES["ring18"], {"name": "block"}, "block", seed=5,
                     fit=FitTable(reconstruct="chosen"))
-    shapes = run_episodes(straight, EPISODES, "cpu")["shape"]
+    shapes = run_episodes(straight, EPISODES[:2], "cpu")["shape"]
     assert "tapered_superquadric" in shapes
     assert "tapered_bent_superquadric" not in shapes

@@ -56,6 +56,7 @@ def test_a_block_is_a_polyhedron_named_and_nearer_than_the_model(blocks: Episode
     assert "polyhedron of 5 faces" in choice_sentence(blocks, 1)
 
 
+@pytest.mark.slow
 def test_rows_name_it_and_do_not_depend_on_the_batch(blocks: EpisodeBlock) -> None:
     rows = run_episodes(cell("block"), np.arange(2, 3), "cpu")
     assert list(rows["shape"]) == ["polyhedron"]

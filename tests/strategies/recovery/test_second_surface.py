@@ -46,7 +46,7 @@ def test_hardly_one_accepted_contact_lies_far_from_where_the_finger_touched(
     assert by_model.sum() < 0.35 * (accepted | by_model).sum()
 
 
-@pytest.mark.parametrize("kind", ["allegro", "barrett"])
+@pytest.mark.parametrize("kind", [pytest.param("allegro", marks=pytest.mark.slow), "barrett"])
 def test_nor_does_one_of_a_hand_of_chains(kind: str) -> None:
     accepted, by_model, far = accepted_far(explored(HandTable(kind=kind)))
     assert accepted.sum() > 200

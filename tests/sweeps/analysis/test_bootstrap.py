@@ -53,8 +53,8 @@ def test_standard_error_is_that_of_the_textbook_two_level_design(interaction: fl
     assert np.mean(spread["these"]) == pytest.approx(np.sqrt(within / objects), rel=0.07)
 
 
-@pytest.mark.parametrize("between", [0.0, 1.0])
-@pytest.mark.parametrize("objects", [6, 10])
+@pytest.mark.parametrize("between", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])
+@pytest.mark.parametrize("objects", [6, pytest.param(10, marks=pytest.mark.slow)])
 def test_intervals_hold_the_truth_as_often_as_they_say(objects: int, between: float) -> None:
     """Neither seldom nor always: whether strategies differ between objects (`between`) or not."""
     generator = np.random.default_rng(4)

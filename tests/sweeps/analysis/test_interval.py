@@ -41,7 +41,7 @@ def test_objects_like_these_are_a_t_test_of_their_means_widened_for_skewness() -
 
 @pytest.mark.parametrize("objects", [
     3, pytest.param(6, marks=pytest.mark.slow), pytest.param(10, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("skewness", [0.0, 0.8])
+@pytest.mark.parametrize("skewness", [pytest.param(0.0, marks=pytest.mark.slow), 0.8])
 def test_objects_as_skewed_as_assumed_are_covered(objects: int, skewness: float) -> None:
     generator = np.random.default_rng(5)
     shape = (4.0 / skewness**2) if skewness else 1e6
@@ -96,7 +96,10 @@ def test_more_entries_and_fewer_degrees_of_freedom_need_more() -> None:
 
 
 @pytest.mark.parametrize(("entries", "objects", "episodes"),
-                         [(2, 6, 8), (6, 3, 8), (6, 6, 16), (15, 6, 8)])
+                         [
+                             (2, 6, 8), (6, 3, 8),
+                             pytest.param(6, 6, 16, marks=pytest.mark.slow),
+                             pytest.param(15, 6, 8, marks=pytest.mark.slow)])
 def test_boards_of_equal_entries_hardly_ever_claim_a_difference(
         entries: int, objects: int, episodes: int) -> None:
     generator = np.random.default_rng(entries)

@@ -285,7 +285,8 @@ def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
              **environment})
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [
+    signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_an_interrupt_keeps_what_is_finished(tmp_path: Path, number: signal.Signals) -> None:
     process = start(tmp_path)
     units = tmp_path / "out" / "units"

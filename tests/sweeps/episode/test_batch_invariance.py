@@ -76,6 +76,7 @@ def test_planners_that_are_called_for_many_keep_worlds_apart(name: str) -> None:
     same(run_episodes(bottles, np.array([4]), "cpu"), others, 4)
 
 
+@pytest.mark.slow
 def test_waypoints_of_neighbours_change_no_row() -> None:
     """Strategies that differ in where their poses stand are run in one call, object by object."""
     low, high = (Strategy(f"tilt{tilt}", (Ring(count=2, tilt_rad=np.radians(tilt)),))

@@ -17,7 +17,8 @@ from warpgrasp.parameters import FitTable
 
 EPISODES = np.arange(2)
 CELL = Cell(replace(STRATEGIES["coverage"], touches=40), {"name": "block"}, "block", seed=5)
-MUG = replace(CELL, object_name="mug-1", body_table=member_table("mug-1"))
+MUG = replace(CELL, object_name="mug-1", body_table=member_table("mug-1"),
+              strategy=replace(CELL.strategy, touches=24))
 NOTHING = prior_recovered(BoundingCylinder(*np.ones((4, 1))))
 BALL = '''
 import numpy as np
@@ -32,8 +33,8 @@ def broken(touches):
 '''
 
 
-def rows(word: str, cell: Cell = CELL) -> dict[str, np.ndarray]:
-    return run_episodes(replace(cell, fit=FitTable(reconstruct=word)), EPISODES, "cpu")
+def rows(word: str, cell: Cell = CELL, episodes: np.ndarray = EPISODES) -> dict[str, np.ndarray]:
+    return run_episodes(replace(cell, fit=FitTable(reconstruct=word)), episodes, "cpu")
 
 
 @pytest.fixture
@@ -63,15 +64,16 @@ def test_a_curve_is_that_of_the_body_scored(file: Path, plain) -> None:
             zip(plain["curve_touches"][world], plain["curve_time_s"][world], strict=True))
 
 
+@pytest.mark.slow
 def test_a_point_is_what_an_episode_would_score_that_ended_there() -> None:
     """Episodes of a budget of touches are the beginnings of those of a larger one."""
-    long = rows("implicit", MUG)
-    number = len(long["curve_touches"][1]) // 2
-    budget = int(long["curve_touches"][1][number])
-    short = run_episodes(replace(MUG, fit=FitTable(reconstruct="implicit"), strategy=replace(
-        CELL.strategy, touches=budget)), EPISODES[1:], "cpu")
+    long = rows("implicit", MUG, EPISODES[1:])
+    number = len(long["curve_touches"][0]) // 2
+    budget = int(long["curve_touches"][0][number])
+    short = rows("implicit", replace(MUG, strategy=replace(CELL.strategy, touches=budget)),
+                 EPISODES[1:])
     assert short["touches"][0] == budget
-    assert long["curve_chamfer_mm"][1][number] == pytest.approx(
+    assert long["curve_chamfer_mm"][0][number] == pytest.approx(
         short["chamfer_mm"][0], rel=0.1)  # the last fit of an episode is a finer one
 
 
@@ -83,9 +85,10 @@ def test_where_no_body_is_made_the_curve_is_the_models(file: Path, plain) -> Non
             np.testing.assert_array_equal(found[name][world], plain[name][world][kept])
 
 
+@pytest.mark.slow
 def test_worlds_have_the_curves_that_they_have_alone() -> None:
     every = rows("chosen", MUG)
-    alone = run_episodes(replace(MUG, fit=FitTable(reconstruct="chosen")), EPISODES[1:2], "cpu")
+    alone = rows("chosen", MUG, EPISODES[1:])
     for name in CURVES:
         np.testing.assert_array_equal(every[name][1], alone[name][0])
 

@@ -27,7 +27,7 @@ def cell_of(hand: str, strategy: str = "ring6", contact: ContactTable = SMOOTH) 
     pytest.param("allegro", SMOOTH, 0.008, marks=pytest.mark.slow),
     pytest.param("leap", SMOOTH, 0.008, marks=pytest.mark.slow), ("barrett", SMOOTH, 0.008),
     # Forces lean within the cone by nobody knows how much: places are less sure.
-    ("leap", ContactTable(), 0.012)])
+    pytest.param("leap", ContactTable(), 0.012, marks=pytest.mark.slow)])
 def test_a_ring_of_grasps_recovers_the_block_better_than_its_prior(
     hand: str, contact: ContactTable, off_m: float
 ) -> None:
@@ -65,8 +65,9 @@ def refused(cell: Cell) -> None:
     assert (rows["touches"] == 0).all()
 
 
-@pytest.mark.parametrize(("hand", "strategy"), [("allegro", "any-object"),
-                                                ("leap", "expected-error")])
+@pytest.mark.parametrize(("hand", "strategy"), [
+    ("allegro", "any-object"),
+    pytest.param("leap", "expected-error", marks=pytest.mark.slow)])
 def test_planners_that_foresee_touches_run_with_any_hand(hand: str, strategy: str) -> None:
     """Errors on: most fingers that close touch, and the body is found far better than the prior
     has it."""

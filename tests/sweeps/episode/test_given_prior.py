@@ -102,7 +102,8 @@ def test_an_object_that_is_not_whole_in_the_images_is_told() -> None:
 NOTHING = Strategy("nothing", (Ring(count=1, palm_clearance_m=2.0),))  # out of the arm's reach
 
 
-@pytest.mark.parametrize("words", [{}, {"prior": "box", "prior_sigma_m": 0.0}])
+@pytest.mark.parametrize("words", [
+    pytest.param({}, marks=pytest.mark.slow), {"prior": "box", "prior_sigma_m": 0.0}])
 def test_rows_hold_what_an_episode_without_a_touch_scores(words: dict) -> None:
     """The same for every strategy, to the last digit."""
     cells = [Cell(strategy, {"name": "block"}, "block", seed=5, placement=ObjectTable(**words))

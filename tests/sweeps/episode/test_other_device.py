@@ -13,9 +13,9 @@ from warpgrasp.parameters import ArmTable, HandTable
 
 LEAP = {"hand": HandTable(kind="leap")}
 QUICK: list[tuple[str, str, dict[str, Any]]] = [
-    ("ring6", "funnel", {}), ("planar", "block", {}), ("contour-first", "beer_bottle", {}),
+    ("ring6", "funnel", {}),
     ("ring6", "block", {"hand": HandTable(kind="allegro"), "arm": ArmTable(kind="panda")}),
-    ("contour", "block", LEAP), ("ring6", "wedge", {"arm": ArmTable(kind="none")})]
+    ("contour-first", "beer_bottle", {}), ("ring6", "wedge", {"arm": ArmTable(kind="none")})]
 
 
 def same(a: Any, b: Any) -> bool:

@@ -122,7 +122,7 @@ def mug_surface(count: int) -> np.ndarray:
 
 @pytest.mark.parametrize(("size", "exponents"), [
     ([0.040, 0.040, 0.045], [0.1, 1.0]),  # a lid over the opening, 36 mm from the wall
-    ([0.038, 0.038, 0.043], [0.5, 1.0]),
+    pytest.param([0.038, 0.038, 0.043], [0.5, 1.0], marks=pytest.mark.slow),
 ])
 def test_a_hollow_body_against_a_kd_tree(size, exponents) -> None:
     outer = {"shape": "cylinder", "radius_mm": 40, "height_mm": 90}

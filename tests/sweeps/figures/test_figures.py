@@ -124,7 +124,7 @@ order = ["planar"]
     assert len(shown[1]) == 3
 
 
-@pytest.mark.parametrize("ending", ["svg", "pdf", "png"])
+@pytest.mark.parametrize("ending", ["svg", pytest.param("pdf", marks=pytest.mark.slow), "png"])
 def test_the_same_study_gives_the_same_bytes(
         study: tuple[Plan, Store], tmp_path: Path, ending: str) -> None:
     folder = str(study[1].folder)
@@ -138,7 +138,9 @@ def test_the_same_study_gives_the_same_bytes(
             assert image.width == pytest.approx(85 / 25.4 * 300, abs=1)
 
 
-@pytest.mark.parametrize("kind", STUDY_KINDS)
+@pytest.mark.parametrize("kind", [
+    pytest.param(kind, marks=() if kind == "forest" else pytest.mark.slow)
+    for kind in STUDY_KINDS])
 def test_a_png_is_what_matplotlib_would_write(study: tuple[Plan, Store], kind: str) -> None:
     asked, theirs = Asked(study[0], [study[1]]), BytesIO()
     ours = Image.open(BytesIO(encode(KINDS[kind](asked), "png")))

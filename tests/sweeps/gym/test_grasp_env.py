@@ -130,9 +130,17 @@ def assert_the_same(rows: Rows, worlds: GraspVectorEnv, info: dict[str, Any]) ->
             assert np.array_equal(column, rows[name], equal_nan=column.dtype.kind == "f"), name
 
 
-def test_an_episode_here_is_the_sweeps_row_of_the_same_probes() -> None:
+@pytest.fixture(scope="module")
+def plain() -> tuple[Rows, GraspVectorEnv, dict[str, Any]]:
+    """Rows and an environment, as they are without more ado."""
+    return sweep_and_environment()
+
+
+def test_an_episode_here_is_the_sweeps_row_of_the_same_probes(
+    plain: tuple[Rows, GraspVectorEnv, dict[str, Any]]
+) -> None:
     """Noise, recovered body and score are those of `run_episodes`."""
-    assert_the_same(*sweep_and_environment())
+    assert_the_same(*plain)
 
 
 def test_every_table_of_an_episode_counts_here_as_in_a_sweep() -> None:
@@ -157,11 +165,11 @@ def test_there_is_a_slot_for_every_finger(fingers: int, slots: int,
 
 
 def test_a_body_far_from_its_touches_is_rewarded_no_more_than_in_a_sweep(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, plain: tuple[Rows, GraspVectorEnv, dict[str, Any]]
 ) -> None:
     """Where the distance to its own touches decides that a body is not believed, both score the
     prior. Bodies 6 mm away are rare: the bound is lowered until one of these is rejected."""
-    rows, worlds, _ = sweep_and_environment()
+    rows, worlds, _ = plain
     run = worlds._run
     rejected = np.flatnonzero(run.believed)[:1]
     away = touch_misfit(run.fits, run.placed)

@@ -38,7 +38,7 @@ def skewed(seed: int, means: Sequence[float], replicates: int = 3000) -> np.ndar
 def test_the_winner_is_within_the_zone_of_the_best() -> None:
     means = np.concatenate([[5.0, 5.2], np.linspace(5.4, 9.0, 22)])
     wrong, total = 0, []
-    for seed in range(60):
+    for seed in range(20):
         race = Race(len(means), Rules(0.3))
         run(race, drawn(skewed(seed, means.tolist())))
         last = race.looks[-1]
@@ -46,7 +46,7 @@ def test_the_winner_is_within_the_zone_of_the_best() -> None:
         assert last.within <= 0.3
         wrong += means[last.leader] > 5.3
         total.append(last.total)
-    assert wrong <= 3
+    assert wrong <= 1
     # as many as the hardest pair needs at one look with equal allocation: (z s / within)^2
     equal = 24 * (2.85 * np.sqrt(2 * 1.5 + 8) / np.sqrt(3) / 0.3) ** 2
     assert np.mean(total) < equal / 3
@@ -65,7 +65,8 @@ def test_entries_that_agree_at_first_are_not_taken_for_equal() -> None:
     assert wrong <= 8  # 5 in the mean, at most
 
 
-@pytest.mark.parametrize(("entries", "start", "races"), [(2, 8, 100), (8, 2, 20)])
+@pytest.mark.parametrize(("entries", "start", "races"), [
+    (2, 8, 100), pytest.param(8, 2, 20, marks=pytest.mark.slow)])
 def test_rare_failures_that_nobody_has_seen_yet_are_reckoned_with(entries: int, start: int,
                                                                   races: int) -> None:
     """All but the first fail in one episode of thirty, by 12 mm, and are better in the others."""
@@ -92,11 +93,11 @@ def test_a_race_of_the_same_entry_twice_ends() -> None:
 
 def test_of_equal_entries_hardly_any_is_called_worse() -> None:
     wrong = 0
-    for seed in range(100):
+    for seed in range(50):
         race = Race(10, Rules(0.8))
         run(race, drawn(skewed(seed, [5.0] * 10)))
         wrong += race.looks[-1].out.any()
-    assert wrong <= 10  # 5 in the mean
+    assert wrong <= 5  # 2.5 in the mean
 
 
 def test_safe_bounds_need_more_and_keep_the_promise() -> None:

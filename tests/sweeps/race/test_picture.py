@@ -27,7 +27,8 @@ def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
 
 
 @pytest.mark.parametrize(("entries", "rules"), [
-    (2, Rules(0.5)), (5, Rules(0.25)), (200, Rules(1.0)), (200, Rules(0.05, budget=4000))])
+    (2, Rules(0.5)), pytest.param(5, Rules(0.25), marks=pytest.mark.slow), (200, Rules(1.0)),
+    pytest.param(200, Rules(0.05, budget=4000), marks=pytest.mark.slow)])
 def test_the_picture_is_legible(entries: int, rules: Rules) -> None:
     found = verdict(entries, rules)
     drawn = draw_race(found)

@@ -59,6 +59,14 @@ def quick_views(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture(scope="module")
+def whole_page(study: tuple[Plan, Store]) -> bytes:
+    """The study's report with quick views."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sweeps.report.page, "make_views", drawn_views)
+        return make_report(study[0], [study[1]])
+
+
+@pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
     text = wide_text(3, 6, 8).replace('"sxx"', f'"{EVIL.replace(chr(34), chr(92) + chr(34))}"')
     return wide_study(tmp_path_factory.mktemp("wide"), text)
@@ -81,11 +89,10 @@ class Tags(HTMLParser):
 
 
 def test_nothing_is_loaded_and_only_its_own_scripts_run(
-        study: tuple[Plan, Store], quick_views: None) -> None:
-    content = make_report(study[0], [study[1]])
-    assert content == make_report(study[0], [study[1]])
+        study: tuple[Plan, Store], quick_views: None, whole_page: bytes) -> None:
+    assert whole_page == make_report(study[0], [study[1]])
     page = Tags()
-    page.feed(content.decode())
+    page.feed(whole_page.decode())
     policy = next(a["content"] for t, a in page.tags if a.get("http-equiv"))
     assert policy
     assert "default-src 'none'" in policy
@@ -108,8 +115,8 @@ def test_nothing_is_loaded_and_only_its_own_scripts_run(
     assert [tag for tag, _ in page.tags].count("desc") == len(charts)
 
 
-def test_names_are_escaped(study: tuple[Plan, Store], quick_views: None) -> None:
-    text = make_report(study[0], [study[1]]).decode()
+def test_names_are_escaped(whole_page: bytes) -> None:
+    text = whole_page.decode()
     written = re.sub(r"<(text|title|desc)\b[^<>]*>[^<>]*</", "", text)  # quotes are allowed here
     assert 'alert("x")' not in written.replace('alert(\\"x\\")', "")
     assert "<script>alert" not in text
@@ -204,10 +211,10 @@ def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:
 
 
 @needs_browser
-def test_in_a_browser(tmp_path: Path, quick_views: None, study: tuple[Plan, Store]) -> None:
+def test_in_a_browser(tmp_path: Path, whole_page: bytes, study: tuple[Plan, Store]) -> None:
     """Loads, sorts by click and by key, draws and turns a body; asks for nothing, says nothing."""
     file = tmp_path / "report.html"
-    file.write_bytes(make_report(study[0], [study[1]]))
+    file.write_bytes(whole_page)
     with browser(tmp_path / "profile") as driver:
         driver.get(file.as_uri())
         column = ("return [...document.querySelectorAll('#board tbody tr')]"

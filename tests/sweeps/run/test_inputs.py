@@ -36,10 +36,16 @@ strategy = "mine.py:choose"
 """
 
 
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where the grid of the mesh is kept."""
+    return tmp_path_factory.mktemp("cache")
+
+
 @pytest.fixture
-def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def study(tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A study of files of every kind, opened, and moved away from them."""
-    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path / "cache"))
+    monkeypatch.setenv("WARPGRASP_CACHE", str(cache))
     given = tmp_path / "given"
     given.mkdir()
     trimesh.creation.box((0.06, 0.05, 0.1)).export(given / "box.stl")

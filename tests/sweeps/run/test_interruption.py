@@ -20,7 +20,7 @@ from sweeps.spec.errors import StoreError
 
 
 def test_a_study_survives_kills(tmp_path: Path) -> None:
-    wrong, _ = kill_and_resume(tmp_path, units=6, kills=1, seconds=0.3, seed=2)
+    wrong, _ = kill_and_resume(tmp_path, units=6, kills=1, seconds=0.3, seed=3)
     assert not wrong
 
 

@@ -106,7 +106,8 @@ def test_a_grown_study_runs_only_what_is_new(
         run_in(tmp_path, plan_of_copy)
 
 
-@pytest.mark.parametrize("keep", ["", 'keep = "contacts"\n'])
+@pytest.mark.parametrize("keep", [
+    pytest.param("", marks=pytest.mark.slow), 'keep = "contacts"\n'])
 def test_more_episodes_run_only_the_rest_of_each_unit(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, keep: str) -> None:
     """From 32 to 48 nearly all was run again. The files are those of a run from scratch."""

@@ -71,7 +71,8 @@ def test_batches_give_the_files_of_units_run_one_by_one(
 @pytest.mark.parametrize(("how", "timeout", "told"), [
     ("raise", 60.0, "this episode is bad"),
     ("die", 60.0, "the worker died (exit code -9)"),
-    ("hang", 3.5, "stopped: it took longer than 3.5 s (--unit-timeout-s)")])
+    pytest.param("hang", 3.5, "stopped: it took longer than 3.5 s (--unit-timeout-s)",
+                 marks=pytest.mark.slow)])
 def test_a_bad_unit_spoils_none_of_its_batch(
         tmp_path: Path, plan: Plan, right: dict[str, bytes], calls: Path,
         monkeypatch: pytest.MonkeyPatch, how: str, timeout: float, told: str) -> None:

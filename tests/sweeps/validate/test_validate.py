@@ -54,7 +54,8 @@ def test_pads_against_integral_and_mujoco() -> None:
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
-@pytest.mark.parametrize("rubs", [pytest.param(False, marks=pytest.mark.slow), True])
+@pytest.mark.slow
+@pytest.mark.parametrize("rubs", [False, True])
 def test_a_few_closings_of_another_hand_against_mujoco(rubs: bool) -> None:
     from sweeps.validate.any_hand import ALONE, BOUNDS, RUBBING, rows_of_tally, tally_of
 
@@ -65,16 +66,19 @@ def test_a_few_closings_of_another_hand_against_mujoco(rubs: bool) -> None:
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
-def test_a_few_closings_against_mujoco() -> None:
+@pytest.mark.parametrize(("name", "rubs"), [
+    pytest.param("box", False, marks=pytest.mark.slow), ("cylinder", True)])
+def test_a_few_closings_against_mujoco(name: str, rubs: bool) -> None:
     from sweeps.validate.guarded_closing import FREE, RUBBING, compare_body
 
-    rows = [*compare_body("box", 2, FREE), *compare_body("cylinder", 2, RUBBING)]
+    rows = compare_body(name, 2, RUBBING if rubs else FREE)
     assert rows
     assert not broken(rows)
 
 
 @pytest.mark.skipif(NO_TOOLBOX, reason="roboticstoolbox is not installed: make validate")
 @pytest.mark.filterwarnings("ignore")
+@pytest.mark.slow
 def test_puma_against_the_toolbox() -> None:
     from sweeps.validate.puma import compare_puma
 

@@ -83,12 +83,12 @@ def test_every_look_of_a_sweep_holds_together() -> None:
     """Ten looks at a growing mean: intervals of each alone fail, these hold."""
     rng = np.random.default_rng(2)
     failed = np.zeros(2)
-    for _ in range(1500):
+    for _ in range(600):
         drawn = rng.normal(0.0, 1.0, (2, 320))
         looks = [mean_over_objects([drawn[0, :32 * n], drawn[1, :32 * n]]) for n in range(1, 11)]
         for n, alpha in enumerate((0.05, alpha_of(10))):
             failed[n] += any(abs(mean.value) > mean.half_width(alpha) for mean in looks)
-    assert failed[1] / 1500 < 0.05 < failed[0] / 1500
+    assert failed[1] / 600 < 0.05 < failed[0] / 600
 
 
 def test_a_look_while_units_come_reads_only_what_is_new(tmp_path: Path) -> None:

@@ -90,8 +90,10 @@ def test_as_text(server: Watcher, tmp_path: Path, capsys: pytest.CaptureFixture[
 RUN = ("import sys; from sweeps.run import worker; from sweeps.cli import main as cli; "
        "worker.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
 # A shell started in the background ignores SIGINT, and so does what it starts.
+# It looks once a second, however long that takes.
 WATCH = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-         "from sweeps.cli import main as cli; cli.main(sys.argv[1:])")
+         "from sweeps.cli import main as cli; from sweeps.watch import view; view.SHARE = 1.0; "
+         "cli.main(sys.argv[1:])")
 
 
 @needs_browser

@@ -58,6 +58,7 @@ def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
         assert hand.capsule_joint[f][bearing] == truth.link[i, 0, 0, f]
 
 
+@pytest.mark.slow
 def test_a_link_flush_with_a_face_rests_where_its_energy_is_least() -> None:
     """Where two places of a capsule are equally near, the slope of the energy jumps."""
     hand = chain_of(hand_of_kind("allegro"))
@@ -80,8 +81,8 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
     commands = chain_commands(hand, "curl40")
     poses = poses_above(12)
     felt, truth = close(hand, "small_cylinder", poses, commands)
-    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:3]
-    assert len(stopped) == 3
+    stopped = np.argwhere(truth.link[:, 0, 0] >= 0)[:2]
+    assert len(stopped) == 2
     for i, f in stopped:
         energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
                                 matrix_of(tuple(poses[i])), int(f), ALONE)

@@ -79,7 +79,8 @@ def test_both_ways_come_to_the_same_rest(name: str) -> None:
     assert (apart < 1e-4).mean() > 0.93
 
 
-@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+@pytest.mark.parametrize("kind", [
+    "barrett", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("allegro", "leap"))])
 def test_a_rest_needs_no_force_outside_the_cone(kind: str) -> None:
     hand, rested = chain_of(hand_of_kind(kind)), 0
     poses = poses_above(16, seed=3)

@@ -21,18 +21,19 @@ FAR = np.array([[0.4, 0.3, 0.5, 1.0, 0.0, 0.0, 0.0], [0.4, 0.3, 0.5, 0.8, 0.6, 0
 """Two hands with nothing near."""
 
 
-def between(a: np.ndarray, b: np.ndarray) -> float:
-    """Distance of two segments (2, 3), by alternating projections from many starts."""
-    def project(point: np.ndarray, segment: np.ndarray) -> np.ndarray:
-        along = segment[1] - segment[0]
-        share = np.clip((point - segment[0]) @ along / (along @ along), 0.0, 1.0)
-        return segment[0] + share[:, None] * along
+def between(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Distances (pair,) of segments (pair, 2, 3), by alternating projections from many starts."""
+    def project(points: np.ndarray, segment: np.ndarray) -> np.ndarray:
+        along = segment[:, 1] - segment[:, 0]
+        share = np.einsum("psi,pi->ps", points - segment[:, None, 0], along)
+        share = np.clip(share / (along**2).sum(1)[:, None], 0.0, 1.0)
+        return segment[:, None, 0] + share[..., None] * along[:, None]
 
-    x = a[0] + np.linspace(0, 1, 9)[:, None] * (a[1] - a[0])
+    x = a[:, None, 0] + np.linspace(0, 1, 9)[:, None] * (a[:, 1] - a[:, 0])[:, None]
     for _ in range(200):
         y = project(x, b)
         x = project(y, a)
-    return float(np.linalg.norm(x - y, axis=1).min())
+    return np.asarray(np.linalg.norm(x - y, axis=2).min(1))
 
 
 def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
@@ -40,7 +41,7 @@ def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
     palm, palm_radius, barred = palm_of(hand)
     ends = [capsule_ends(hand, f, q[f]) for f in range(hand.fingers)]
     whole = hand.fingers * CAPSULES
-    found = []
+    pairs, reach = [], []
     for one in range(hand.fingers):
         for c, capsule in enumerate(hand.capsules[one]):
             row = one * CAPSULES + c
@@ -54,8 +55,12 @@ def depths_between(hand: ChainHand, q: np.ndarray) -> np.ndarray:
                 long = (np.linalg.norm(np.diff(ends[one][c], axis=0))
                         + np.linalg.norm(np.diff(segment, axis=0))) / 2
                 if not barred[row, column] and middles < both + long + 1e-3:
-                    found.append(both - between(ends[one][c], segment))
-    return np.array(found)
+                    pairs.append((ends[one][c], segment))
+                    reach.append(both)
+    if not pairs:
+        return np.zeros(0)
+    a, b = np.array(pairs).swapaxes(0, 1)
+    return np.array(reach) - between(a, b)
 
 
 @pytest.mark.parametrize("kind", ["allegro", pytest.param("leap", marks=pytest.mark.slow)])

@@ -74,7 +74,8 @@ def single_contacts(name: str, path: str, friction: float, count: int = 2, steps
 
 
 @pytest.mark.parametrize(("name", "path"), [
-    ("block", "base_then_curl"), ("capsule", "curl40"), ("small_cylinder", "base_then_curl")])
+    ("block", "base_then_curl"), pytest.param("capsule", "curl40", marks=pytest.mark.slow),
+    pytest.param("small_cylinder", "base_then_curl", marks=pytest.mark.slow)])
 def test_skin_holds_inside_the_cone_and_slides_on_its_edge(name: str, path: str) -> None:
     friction, held, slid = 0.5, 0, 0
     for before, along, normal, moved in single_contacts(name, path, friction):

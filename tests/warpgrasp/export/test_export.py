@@ -65,13 +65,13 @@ def test_the_tree_is_the_kernels_robot() -> None:
         check_fingers(tree_poses(links, q[k]), points[k], palmar[k])
 
 
-@pytest.mark.parametrize("arm", [False, True])
+@pytest.mark.parametrize("arm", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_mujoco_puts_links_where_we_do(arm: bool) -> None:
     mujoco = pytest.importorskip("mujoco", reason="MuJoCo is not installed: make validate")
     links = arm_hand_tree(ARM, HAND, PADS) if arm else hand_tree(HAND, PADS, place=PLACE)
     model = mujoco.MjModel.from_xml_string(mjcf_text(links))
     data = mujoco.MjData(model)
-    q = random_joints(links, 200)
+    q = random_joints(links, 60)
     if arm:
         points, palmar = arm_hand_links(ARM, HAND, q)
     else:
@@ -86,7 +86,7 @@ def test_mujoco_puts_links_where_we_do(arm: bool) -> None:
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")  # the reader's own, of its mesh library
-@pytest.mark.parametrize("arm", [False, True])
+@pytest.mark.parametrize("arm", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_a_urdf_reader_puts_links_where_we_do(arm: bool, tmp_path) -> None:
     yourdfpy = pytest.importorskip("yourdfpy", reason="yourdfpy is not installed: make validate")
     links = arm_hand_tree(ARM, HAND, PADS) if arm else hand_tree(HAND, PADS, place=PLACE)

@@ -75,6 +75,7 @@ def test_a_cup_has_no_lid() -> None:
     assert np.abs(short - long).max() < 5e-4
 
 
+@pytest.mark.slow
 @settings(max_examples=2, deadline=None)
 @given(st.lists(st.floats(12.0, 60.0), min_size=3, max_size=3), st.floats(0.3, 1.0),
        st.floats(0.5, 1.0))

@@ -10,7 +10,7 @@ from warpgrasp.objects.catalogue import body_from_table
 from warpgrasp.objects.catalogue_names import FAMILY_NAMES, HELD_OUT, PUBLIC
 from warpgrasp.objects.families import FAMILIES, family_table
 
-QUICK = ("mug", "hammer")
+QUICK = ("hammer",)  # a mug and a bowl are hollow, below
 
 
 def test_each_family_has_a_line() -> None:

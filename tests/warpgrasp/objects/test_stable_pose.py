@@ -19,7 +19,8 @@ def body_of(name: str) -> Body:
     return body_from_table(table, Path()) if table else body_from_name(name)
 
 
-@pytest.mark.parametrize("name", ["wedge", "wine_bottle", "hammer-1"])
+@pytest.mark.parametrize("name", [
+    "wedge", *(pytest.param(name, marks=pytest.mark.slow) for name in ("wine_bottle", "hammer-1"))])
 def test_every_pose_is_at_rest(name: str) -> None:
     """The centre of mass lies over the places that touch the table, or over the line or the two
     ends by which something round does."""
