@@ -9,9 +9,10 @@ from strategies.ready_made import STRATEGIES
 from strategies.reconstruct.plug_in_name import BUILT_IN
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
+from sweeps.spec.checks import in_column
 from sweeps.spec.errors import Problems, choose
 from sweeps.spec.hands import read_hand
-from sweeps.spec.named_files import in_column, read_arm, with_models
+from sweeps.spec.named_files import read_arm, with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.units import read_table
 from warpgrasp.geometry.body import Body

@@ -7,8 +7,8 @@ from statistics import mean
 from strategies.ready_made import UNGUIDED, run_together
 from strategies.strategy import Strategy
 from sweeps.run.plan import Plan
+from sweeps.spec.checks import arms_of
 from sweeps.spec.hands import hands_of
-from sweeps.spec.named_files import arms_of
 from sweeps.spec.study import Study
 from warpgrasp.parameters import FLOATING, PUMA560, UTAH_MIT, FitTable
 

@@ -21,9 +21,10 @@ from sweeps.output import write_atomic
 from sweeps.run.changed_files import named_files
 from sweeps.run.plan import files_hash, program_hash
 from sweeps.spec.cell import Cell
+from sweeps.spec.checks import arms_of
 from sweeps.spec.errors import StoreError
 from sweeps.spec.hands import hands_of
-from sweeps.spec.named_files import KEPT, arms_of, names_of
+from sweeps.spec.named_files import KEPT, names_of
 from sweeps.spec.objects import files_digest
 from sweeps.spec.study import FILE_KEYS, Body, Study
 from warpgrasp.parameters import ArmTable, HandTable

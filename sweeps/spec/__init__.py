@@ -4,11 +4,11 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key", "own_code"],
-    "checks": ["feels_with_pads", "swept_points", "told_of"],
+    "checks": ["arms_of", "feels_with_pads", "in_column", "swept_points", "told_of"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
     "hands": ["hands_of", "read_hand"],
-    "named_files": ["KEPT", "UNSWEPT", "arms_of", "in_column", "names_of", "read_arm",
+    "named_files": ["KEPT", "UNSWEPT", "names_of", "read_arm",
         "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],
     "reader": ["read_spec", "spec_text"],

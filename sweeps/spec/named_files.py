@@ -13,20 +13,16 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
-from math import hypot
 from pathlib import Path, PurePath
 from typing import Any
 
 from strategies.planners.planner_file import PlannerError
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
-from sweeps.spec.checks import changed, note_idle, note_misfit, spec_keys
 from sweeps.spec.errors import KeyPath, Problems, choose, short
-from sweeps.spec.study import ARM_KEY, Axis, Study
+from sweeps.spec.study import Axis
 from warpgrasp.parameters import (
-    ARM_COLUMN_M,
     FLOATING,
-    OBJECT_REACH_M,
     PUMA560,
     RecognitionTable,
 )
@@ -34,21 +30,11 @@ from warpgrasp.parameters import (
 KEY = "fit.reconstruct"
 MODELS_LIMIT = 1 << 24
 """Bytes of a file of models."""
-PLACE_KEYS = ("object.x_mm", "object.y_mm")
 CSV_LIMIT = 1 << 20  # bytes of a file of poses or of a profile
 MESH_LIMIT = 1 << 28
 UNSWEPT = "recognition.models"
 """The key that names a file; a study keeps one."""
 ARM_LIMIT = 1 << 20
-_STANDS_BELOW_M = 0.5
-"""Height of its base from which an arm hangs from above, and an object may stand below it [est].
-"""
-JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
-"""Fields of `ArmTable` that say something of the PUMA 560 alone."""
-WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
-"""Fields that say something of a floating wrist alone."""
-JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
-"""Fields of `ErrorTable` that say nothing of a floating wrist."""
 KEPT = Path("inputs/files.json")
 """Beside the `spec.toml` that a study keeps: under which copy each file that it names is found."""
 
@@ -227,66 +213,3 @@ def with_files(axis: Axis, key: str, read: Callable[..., str], base_dir: Path, p
     si = tuple((*point[:at], read(point[at], base_dir, problems, path), *point[at + 1:])
                for point in axis.si)
     return replace(axis, si=si)
-
-
-def check_arms(study: Study, given: Mapping[str, Any], problems: Problems) -> None:
-    """Notes keys of `[arm]` and `[errors]` that say nothing of any arm of the study; `given` is the
-    spec's `[arm]`."""
-    arms = arms_of(study)
-    if study.searches(ARM_KEY):
-        return
-    instead = "; ".join([f"the PUMA 560 has {spec_keys(JOINT_FIELDS)}"] * (PUMA560 in arms)
-                        + [f"a floating wrist has {spec_keys(WRIST_FIELDS)}"] * (FLOATING in arms)
-                        + ["other arms have their numbers in their TOML file"]
-                        * bool(arms - {PUMA560, FLOATING}))
-    idle: dict[str, str] = {}
-    if PUMA560 not in arms:
-        idle |= dict.fromkeys(JOINT_FIELDS, f"is a number of the PUMA 560; {instead}")
-    if FLOATING not in arms:
-        idle |= dict.fromkeys(WRIST_FIELDS, "is a number of a floating wrist, arm = \"none\"; "
-                              f"{instead}")
-    if arms == {FLOATING}:
-        errors: dict[str, str] = dict.fromkeys(
-            JOINT_ERRORS, "is an error of an arm's joints, and a floating wrist has none; should "
-            "be left out")
-        note_idle(study, "errors", errors, changed(study, "errors"), problems)
-        idle["encoder_step_rad"] = f"is of an arm's joints; {instead}"
-    # As `init` writes them, all of [arm] may stand there of the PUMA 560.
-    note_idle(study, "arm", idle, changed(study, "arm") if PUMA560 in arms else given, problems)
-
-
-def check_places(study: Study, problems: Problems) -> None:
-    """Notes the first setting under which the object stands where the arm does, as when metres are
-    written for millimetres. Arms that a search proposes are not asked."""
-    if not study.searches(ARM_KEY):
-        note_misfit(study, (*PLACE_KEYS, ARM_KEY), in_column, ("object",), problems)
-
-
-def in_column(tables: Mapping[str, Any]) -> str:
-    """Why the object cannot stand there; empty where it can. A floating wrist has no column."""
-    arm, place = tables["arm"].kind, tables["object"]
-    if arm == FLOATING:
-        return ""
-    x_m, y_m = 0.0, 0.0
-    if arm != PUMA560:
-        from warpgrasp.arms.arm_file import arm_from_file, arm_named
-
-        model = arm_from_file(Path(arm)) if arm.endswith(".toml") else arm_named(arm)
-        x_m, y_m, z_m = model.base_xyz_m
-        if z_m > _STANDS_BELOW_M:
-            return ""
-    if hypot(place.x_m - x_m, place.y_m - y_m) >= ARM_COLUMN_M:
-        return ""
-    meant = 1e3 * max(abs(place.x_m), abs(place.y_m))  # [m], where metres were written
-    guess = (f"; lengths are in mm: did you mean x_mm = {1e6 * place.x_m:g}, y_mm = "
-             f"{1e6 * place.y_m:g}?" if ARM_COLUMN_M <= meant <= OBJECT_REACH_M else "")
-    return (f"x_mm = {1e3 * place.x_m:g}, y_mm = {1e3 * place.y_m:g} is where the arm itself "
-            f"stands; should be {1e3 * ARM_COLUMN_M:g} mm or more from x_mm = {1e3 * x_m:g}, "
-            f"y_mm = {1e3 * y_m:g}{guess}")
-
-
-def arms_of(study: Study) -> set[str]:
-    """Every arm that a study runs with."""
-    swept = {point[axis.keys.index(ARM_KEY)] for axis in study.axes if ARM_KEY in axis.keys
-             for point in axis.si}
-    return swept or {study.tables["arm"].kind}

@@ -12,14 +12,20 @@ from typing import Any
 from sweeps.output import quiet_stdout
 from sweeps.spec.axes import WORDS, read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.checks import ERROR_KEYS, check_errors, check_order, check_pads, check_used
+from sweeps.spec.checks import (
+    ERROR_KEYS,
+    PLACE_KEYS,
+    check_arms,
+    check_errors,
+    check_order,
+    check_pads,
+    check_places,
+    check_used,
+)
 from sweeps.spec.errors import Problem, Problems, SpecError, choose
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out
 from sweeps.spec.named_files import (
     KEY,
-    PLACE_KEYS,
-    check_arms,
-    check_places,
     check_swept_reconstruct,
     kept_name,
     read_arm,

@@ -461,12 +461,7 @@ def test_a_folder_of_inputs_is_a_studys_alone(tmp_path: Path) -> None:
     (tmp_path / "inputs" / "abc" / "poses.csv").write_text("x\n1\n")
     with pytest.raises(NoFile):
         named_file("poses.csv", tmp_path, 1 << 20)
-    (tmp_path / "resolved.json").write_text("{}")
-    assert named_file("poses.csv", tmp_path, 1 << 20).name == "poses.csv"
-    (tmp_path / "inputs" / "def").mkdir()
-    second = tmp_path / "inputs" / "def" / "poses.csv"
-    second.write_text("x\n1\n")  # the same one, of another planner
-    assert named_file("poses.csv", tmp_path, 1 << 20).name == "poses.csv"
-    second.write_text("x\n2\n")
+    (tmp_path / "inputs/files.json").write_text('{"poses.csv": "inputs/abc/poses.csv"}')
+    assert named_file("./poses.csv", tmp_path, 1 << 20).parent.name == "abc"
     with pytest.raises(NoFile):
-        named_file("poses.csv", tmp_path, 1 << 20)
+        named_file("other.csv", tmp_path, 1 << 20)
