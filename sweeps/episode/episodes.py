@@ -94,8 +94,6 @@ class EpisodeBlock:
     """Which known object was felt."""
     touched: np.ndarray
     """Share of each true surface within 10 mm of a contact (`touched_share`), (world,)."""
-    rebuilt: Reconstruction | None = None
-    """Free-form bodies that are scored in place of `recovered`, where they were asked for."""
 
     @property
     def body(self) -> Body:
@@ -115,12 +113,17 @@ class EpisodeBlock:
 
     @property
     def recovered(self) -> Recovered:
-        """What is scored."""
+        """The models recovered, which are scored where nothing stands in their place."""
         return self.exploration.recovered
 
     @property
+    def rebuilt(self) -> Reconstruction | None:
+        """Bodies that are scored in place of `recovered`, where they were asked for."""
+        return self.exploration.rebuilt
+
+    @property
     def evidence(self) -> Evidence:
-        """All that was felt, as placed for the last fit."""
+        """All that was felt, as placed for the last fit of a model."""
         return self.exploration.belief.evidence
 
     @property
@@ -304,13 +307,14 @@ def run_parts(
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 
-        found = replace(_rebuilt_status(found, rebuilt), belief=belief, recovered=recovered)
+        found = replace(_rebuilt_status(found, rebuilt), belief=belief, recovered=recovered,
+                        rebuilt=rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes,
                                     scorer.score_again(recovered, straight, scores))
         if rebuilds:
             moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
-                        recognition, surface.share(truth), rebuilt)
+                        recognition, surface.share(truth))
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:

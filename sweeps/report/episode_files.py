@@ -137,7 +137,8 @@ def _pictures(
 
 
 def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """The rows of one world as `contact_columns` has them; text of a CSV file."""
+    """The rows of one world as `contact_columns` has them, of the body that stands; text of a CSV
+    file."""
     found = contact_columns(block.exploration, block.truth)
     mine = found["world"] == world
     text = io.StringIO()
