@@ -25,7 +25,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "misfit": ["FARTHEST_M", "LEAST_MISFIT_M", "RIVALS_FROM_M", "UNBELIEVED_M", "schwarz",
         "touch_misfit"],
     "plausibility": ["FEWEST_CONTACTS", "FLOATING_M", "plausible", "plausible_vertices", "swept",
-        "swept_by", "within_reach"],
+        "swept_by", "why_implausible", "within_reach"],
+    "recovery_failure": ["why_failed"],
     "refit_policy": ["Fitted", "finished", "newly_felt", "refitted"],
     "upright": ["faces_of", "stand_upright"],
 })

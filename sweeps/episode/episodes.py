@@ -33,6 +33,7 @@ from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.recovery_failure import why_failed
 from sweeps.episode.columns import model_columns, model_names
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.curve_moments import (
@@ -213,12 +214,18 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     """
     why = why_untouched(block.exploration, [block.bodies[n] for n in which], block.truth,
                         block.prior, cell.arm, cell.hand)
-    why = np.where(why == "", mostly_itself(block.exploration), why)
+    failed = why_failed(block.status, block.exploration.belief)
+    why = np.where(why == "", _both(failed, mostly_itself(block.exploration)), why)
     why = np.where(block.exploration.stopped, STOPPED, why)
     if block.rebuilt is not None and block.rebuilt.note is not None:
-        why = np.array(["; ".join(filter(None, both)) for both in zip(
-            why, block.rebuilt.note, strict=True)], object)
+        why = _both(why, block.rebuilt.note)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
+
+
+def _both(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Two texts of each world as one, (world,)."""
+    return np.array(["; ".join(filter(None, both)) for both in zip(one, other, strict=True)],
+                    object)
 
 
 def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
