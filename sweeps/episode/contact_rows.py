@@ -11,7 +11,10 @@ of a contour. What a move does not have is NaN.
 A world's rows do not depend on the worlds beside it: probes that it did not make have no rows.
 """
 
+import csv
+import io
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -81,6 +84,27 @@ def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
     for world, (start, end) in enumerate(zip([0, *ends[:-1]], ends, strict=True)):
         tables[world] = {name: values[start:end] for name, values in small.items()}
     return tables
+
+
+def contacts_csv(found: Exploration, truth: Truth, world: int = 0) -> str:
+    """The rows of one world as `contact_columns` has them, without joints past the fourth; text of
+    a CSV file."""
+    columns = contact_columns(found, truth)
+    mine = columns["world"] == world
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows(zip(*(_cells(name, columns[name][mine]) for name in COLUMNS), strict=True))
+    return text.getvalue()
+
+
+def _cells(name: str, values: np.ndarray) -> list[Any]:
+    if values.dtype != float:
+        return values.tolist()
+    digits = 0 if name in ("accepted", "taxel_peak") else 6
+    if name in VECTORS["covariance"]:
+        digits = 12
+    return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
 
 
 def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:

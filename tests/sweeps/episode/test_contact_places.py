@@ -9,11 +9,10 @@ import pytest
 
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.contact_verdict import NEAR_M
-from sweeps.episode.contact_rows import contact_columns, contact_tables
+from sweeps.episode.contact_rows import contact_columns, contact_tables, contacts_csv
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import contacts_shown
 from sweeps.figures.meshes import mesh_of_world
-from sweeps.report.episode_files import contacts_csv
 from sweeps.report.surfaces import surfaces_shown
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
@@ -36,8 +35,9 @@ def bowl() -> EpisodeBlock:
 
 def felt_rows(block: EpisodeBlock) -> tuple[list[dict[str, str]], np.ndarray]:
     """The rows of the contacts that the body used, and their places, (row, 3) [m]."""
-    rows = [row for row in csv.DictReader(io.StringIO(contacts_csv(block)))
-            if row["status"] == "contact" and row["accepted"] and row["verdict"] != "table"]
+    text = contacts_csv(block.exploration, block.truth)
+    rows = [row for row in csv.DictReader(io.StringIO(text)) if row["accepted"]
+            and row["status"] == "contact" and row["verdict"] != "table"]
     return rows, np.array([[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows])
 
 
