@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -9,9 +10,12 @@ from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.planar_record import PlanarExploration
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
-from strategies.recovery.contact_verdict import contact_verdicts
+from strategies.recovery.contact_verdict import known_gaps, verdicts_by_gap
 from strategies.recovery.evidence import Evidence
 from warpgrasp.robot import Grasps
+
+if TYPE_CHECKING:
+    from strategies.reconstruct.free_form import Reconstruction
 
 
 @dataclass(frozen=True)
@@ -51,8 +55,26 @@ class Exploration:
     felt: Evidence
     """All that was felt, contacts where they were felt: not placed on any body."""
 
+    rebuilt: "Reconstruction | None" = None
+    """Bodies that stand in place of `recovered` in some worlds, where they were asked for."""
+
+    @cached_property
+    def placed(self) -> Evidence:
+        """All that was felt, contacts as placed on the body that stands in each world."""
+        evidence = self.belief.evidence
+        return evidence if self.rebuilt is None else self.rebuilt.places(evidence)
+
+    def gaps(self, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """How far points (world, point, 3) are from the body that stands in each world [m],
+        (world, point); infinite where that is the given prior."""
+        model = known_gaps(self.recovered, points_m, mask)
+        return model if self.rebuilt is None else self.rebuilt.gaps(model, points_m, mask)
+
     @cached_property
     def verdicts(self) -> np.ndarray:
-        """The verdict of each contact of the belief, (world, point), as `contact_verdicts` has
-        them; found once for all that ask, since they take some hundredths of a second a world."""
-        return contact_verdicts(self.recovered, self.belief.evidence, self.belief.links)
+        """The verdict of each contact of `placed`, (world, point), as `verdicts_by_gap` has them;
+        found once for all that ask, since they take some hundredths of a second a world."""
+        of_model = np.ones(len(self.status), bool)
+        of_model[list(self.rebuilt.placed if self.rebuilt is not None else ())] = False
+        return verdicts_by_gap(self.gaps(self.placed.points_m, self.placed.mask), self.placed,
+                               self.belief.links, of_model)

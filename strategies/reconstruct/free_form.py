@@ -34,12 +34,13 @@ from strategies.recovery.belief import Belief, read_only
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import (
     doubted,
+    gaps_to_mesh,
     mean_contradiction,
     mean_gap,
     mean_gap_to_mesh,
     unexplained,
 )
-from strategies.recovery.evidence import Evidence
+from strategies.recovery.evidence import PLACED, Evidence
 from strategies.recovery.misfit import UNBELIEVED_M
 from strategies.recovery.plausibility import FEWEST_CONTACTS, plausible_vertices
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable
@@ -80,7 +81,9 @@ class Reconstruction:
     """Of worlds whose body is several superquadrics."""
     polyhedra: "Mapping[int, Planes]" = field(default_factory=dict)
     """Of worlds whose body is one of the faces crossed."""
-
+    placed: Mapping[int, Evidence] = field(default_factory=dict)
+    """Contacts as their body placed them, one row, of worlds whose free form or parts did so; a
+    polyhedron and a plug-in's body take contacts as placed on the model recovered."""
     note: np.ndarray | None = None
     """What a plug-in's author may not have meant, str (world,); None of bodies of ours."""
 
@@ -100,6 +103,24 @@ class Reconstruction:
             self._volumes[world] = implicit_volume(form.fit, [self.meshes[world]],
                                                    form.about.mean, shared_m=LEFT_M)
         return self._volumes.get(world)
+
+    def places(self, evidence: Evidence) -> Evidence:
+        """Contacts of all worlds as placed on the bodies that stand, made of the `evidence` that
+        has them as placed on the models."""
+        found = {name: getattr(evidence, name).copy() for name in PLACED}
+        for world, placed in self.placed.items():
+            for name, values in found.items():
+                values[world] = getattr(placed, name)[0]
+        return replace(evidence, **found)
+
+    def gaps(self, model_m: np.ndarray, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+        """How far points (world, point, 3) are from the bodies that stand [m], (world, point).
+        `model_m` says how far they are from the models."""
+        found = model_m.copy()
+        for world in np.flatnonzero(self.made):
+            mine = mask[world]
+            found[world, mine] = gaps_to_mesh(self.meshes[world], points_m[world][mine])
+        return found
 
     @cached_property
     def _volumes(self) -> "dict[int, VolumeEstimate]":
@@ -234,7 +255,7 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None, reco
     from strategies.reconstruct.free_mean import likeliest_mean
     from strategies.recovery.free_contacts import BODY, fit_placed, placed_freely
 
-    forms = {}
+    forms, places = {}, {}
     for row in rows:  # one at a time: sums over rows of a longer neighbour would round otherwise
         own = np.array([row])
         placed, sigma = placed_freely(
@@ -249,7 +270,9 @@ def _implicit(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None, reco
         if (plausible_vertices([mesh.vertices_m], given, table_plane=table.table_plane)[0]
                 and mean_gap_to_mesh(mesh, placed.points_m[placed.mask]) < nearest[row]):
             meshes[row], forms[int(row)] = mesh, FreeForm(fit, about)
-    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, forms)
+            places[int(row)] = placed
+    return Reconstruction(IMPLICIT, tuple(meshes), none, time.perf_counter() - begin, forms,
+                          placed=places)
 
 
 def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
@@ -259,7 +282,8 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
     from strategies.reconstruct.parts import fitted_parts, parts_mesh
     from strategies.recovery.free_contacts import placed_freely
 
-    meshes, parts = [NO_MESH] * len(felt.mask), {}
+    meshes: list[TriangleMesh] = [NO_MESH] * len(felt.mask)
+    parts, places = {}, {}
     for row in rows:
         own = np.array([row])
         placed, _ = placed_freely(
@@ -271,9 +295,9 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
         mesh = parts_mesh(found)
         if len(mesh.faces) and plausible_vertices([mesh.vertices_m], rows_of(prior, own),
                                                   table_plane=table.table_plane)[0]:
-            meshes[row], parts[int(row)] = mesh, found
+            meshes[row], parts[int(row)], places[int(row)] = mesh, found, placed
     return Reconstruction(PARTS, tuple(meshes), np.full(len(meshes), "", object),
-                          time.perf_counter() - begin, parts=parts)
+                          time.perf_counter() - begin, parts=parts, placed=places)
 
 
 def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) -> Touches:

@@ -53,14 +53,10 @@ def surface_gaps(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -
     return np.where(turned, contour_distances(recovered.revolution, points_m, mask), gap)
 
 
-def explained_by(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """Of points (world, point, 3) those near enough to the body to be its, bool (world, point).
-
-    `FARTHEST_M` is how far; farther ones weigh nothing more in a body's misfit. None of a world
-    where only the prior stands for the body.
-    """
+def known_gaps(recovered: Recovered, points_m: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The same, infinite in worlds where only the prior stands for the body."""
     known = (recovered.shape != Shape.PRIOR)[:, None]
-    return mask & known & (surface_gaps(recovered, points_m, mask) <= FARTHEST_M)
+    return np.where(known, surface_gaps(recovered, points_m, mask), np.inf)
 
 
 def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
@@ -74,12 +70,16 @@ def mean_gap(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     return row_sums(np.where(counted, away, 0.0)) / np.maximum(counted.sum(1), 1)
 
 
-def mean_gap_to_mesh(mesh: TriangleMesh, points_m: np.ndarray) -> float:
-    """How far contacts (contact, 3) are from a surface, in the mean [m], as `mean_gap` counts."""
+def gaps_to_mesh(mesh: TriangleMesh, points_m: np.ndarray) -> np.ndarray:
+    """How far points (point, 3) are from a surface [m], (point,)."""
     from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of  # of few bodies asked
 
-    away = mesh_gap(mesh_of(mesh.vertices_m, mesh.faces, winding=False), points_m)
-    return float(np.minimum(away, FARTHEST_M).mean())
+    return mesh_gap(mesh_of(mesh.vertices_m, mesh.faces, winding=False), points_m)
+
+
+def mean_gap_to_mesh(mesh: TriangleMesh, points_m: np.ndarray) -> float:
+    """How far contacts (contact, 3) are from a surface, in the mean [m], as `mean_gap` counts."""
+    return float(np.minimum(gaps_to_mesh(mesh, points_m), FARTHEST_M).mean())
 
 
 def unexplained(recovered: Recovered, evidence: Evidence) -> np.ndarray:
@@ -114,14 +114,21 @@ def mean_contradiction(evidence: Evidence) -> np.ndarray:
 def contact_verdicts(
     recovered: Recovered, evidence: Evidence, links: TouchedLinks | None = None
 ) -> np.ndarray:
+    """The verdict of each contact of the evidence, (world, point), as `verdicts_by_gap` has them
+    of the model that stands."""
+    return verdicts_by_gap(known_gaps(recovered, evidence.points_m, evidence.mask), evidence,
+                           links)
+
+
+def verdicts_by_gap(gap_m: np.ndarray, evidence: Evidence, links: TouchedLinks | None = None,
+                    of_model: np.ndarray | None = None) -> np.ndarray:
     """The verdict of each contact of the evidence, (world, point); empty text where there is none.
 
+    `gap_m` (world, point) is how far contacts are from their body, infinite where there is none.
     With `links` no contact is accepted whose place depends on the model; that takes some hundredths
-    of a second a world.
+    of a second a world. Of worlds that are not `of_model`, bool (world,), no place does.
     """
-    near = explained_by(recovered, evidence.points_m, evidence.mask)
-    near &= evidence.by_pad | (
-        surface_gaps(recovered, evidence.points_m, evidence.mask) <= NEAR_M)
+    near = evidence.mask & (gap_m <= np.where(evidence.by_pad, FARTHEST_M, NEAR_M))
     verdict = np.full(near.shape, ACCEPTED, object)
     verdict[~evidence.by_pad & (_widest(evidence) > UNSURE_M)] = UNSURE_PLACE
     verdict[evidence.contradiction > CONTRADICTED_FROM] = CONTRADICTED
@@ -130,6 +137,7 @@ def contact_verdicts(
     verdict[~evidence.mask] = ""
     if links is not None:
         asked = np.asarray(verdict == ACCEPTED) & ~evidence.by_pad
+        asked &= True if of_model is None else of_model[:, None]
         verdict[moved_on_second_surface(evidence, links, asked) > MOVED_M] = UNSURE_BODY
     return verdict
 

@@ -16,6 +16,8 @@ SURE_LINK = 0.9
 CONTRADICTED_FROM = 10.0
 """Chi-square of torques and body, of about three degrees of freedom, from which on they contradict
 one another [est]."""
+PLACED = ("points_m", "covariance_m2", "normals", "contradiction")
+"""What of evidence depends on the body that its contacts are placed on."""
 FREE_SLACK_M = 0.002
 """Links reported free are thinned by this: their places are known no better."""
 
@@ -90,28 +92,36 @@ def evidence_from_touches(
     Beside it how the robot stood. Normals are those of the pads. Where a fingertip touched nothing
     its ball is free, with the radius of those in `like`.
     """
-    keep = np.isfinite(table.point_m).all(1) & np.isfinite(table.normal).all(1)
-    keep &= table.above_table()
-    chosen, at = _slots(table.world[keep], worlds, slots)
+    rows, at = slots_of_touches(table, worlds, slots)
     points = np.zeros((worlds, slots, 3))
     normals = np.full((worlds, slots, 3), np.nan)
     covariance = np.tile(np.eye(3), (worlds, slots, 1, 1))
     mask = np.zeros((worlds, slots), bool)
-    n = table.normal[keep][chosen]
+    n = table.normal[rows]
     along = n[:, :, None] * n[:, None, :]
-    points[at], normals[at], mask[at] = table.point_m[keep][chosen], n, True
+    points[at], normals[at], mask[at] = table.point_m[rows], n, True
     covariance[at] = (NORMAL_SIGMA_M**2 * along + TANGENT_SIGMA_M**2 * (np.eye(3) - along))
     room = 0 if missed is None else FREE_TIPS
     free, free_mask = np.zeros((worlds, room, 3)), np.zeros((worlds, room), bool)
     if missed is not None:
         which, place = _slots(missed.world, worlds, room)
         free[place], free_mask[place] = missed.tip_m[which], True
-    links = links_of_touches(table, np.flatnonzero(keep)[chosen], at, worlds, slots, hand)
+    links = links_of_touches(table, rows, at, worlds, slots, hand)
     return Evidence(points, mask, covariance, normals, free, like.free_radius_m, free_mask,
                     mask.copy(), np.zeros(mask.shape)), links
 
 
-def _slots(world: np.ndarray, worlds: int, slots: int) -> tuple[np.ndarray, tuple]:
+def slots_of_touches(table: TouchTable, worlds: int, slots: int
+                     ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
+    """Which rows of the table are kept as evidence, (kept,), and at which (world, slot) each."""
+    keep = np.isfinite(table.point_m).all(1) & np.isfinite(table.normal).all(1)
+    keep &= table.above_table()
+    chosen, at = _slots(table.world[keep], worlds, slots)
+    return np.flatnonzero(keep)[chosen], at
+
+
+def _slots(world: np.ndarray, worlds: int, slots: int
+           ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray]]:
     """Which rows (of `world`, each) are kept, evenly over all of its world, and their places in
     arrays (world, slot)."""
     order = np.argsort(world, kind="stable")

@@ -27,7 +27,7 @@ from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing_hands import told_by_torques
 from strategies.contacts.shared_errors import shared_vectors
 from strategies.recovery.belief import Belief
-from strategies.recovery.evidence import CONTRADICTED_FROM, SURE_LINK, Evidence
+from strategies.recovery.evidence import CONTRADICTED_FROM, PLACED, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_M,
     LEAN_SHARE,
@@ -74,7 +74,7 @@ def begun_freely(felt: Evidence, modelled: Evidence, links: TouchedLinks | None)
     return replace(felt, **{
         name: np.where(own.reshape(*own.shape, *[1] * (getattr(felt, name).ndim - 2)),
                        getattr(modelled, name), getattr(felt, name))
-        for name in ("points_m", "covariance_m2", "normals", "contradiction")})
+        for name in PLACED})
 
 
 def placed_freely(

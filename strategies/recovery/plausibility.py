@@ -55,12 +55,37 @@ def plausible(
     switched off) is contradicted by the prior alone. Superquadrics that are not `whole` bodies but
     parts of one may be as small as they like.
     """
+    away, low, high = _extent(body, prior)
+    return (_within(away, low if table_plane else np.zeros_like(low), high, prior)
+            & ~(_shrunk(superquadric_volume(body), prior) & whole))
+
+
+def why_implausible(body: SuperquadricLike, prior: BoundingCylinder, *, table_plane: bool = True
+                    ) -> list[str]:
+    """What of prior and table contradicts the superquadric of one world, in words that follow "it";
+    nothing where `plausible` holds."""
+    (away,), (low,), (high,) = _extent(body, prior)
+    over = max(away - float(prior.radius_m[0]), high - float(prior.height_m[0]))
+    said = []
+    if over > BEYOND * prior.margin_m:
+        said.append(f"reaches {1e3 * over:.0f} mm beyond the prior")
+    if table_plane and low < -SUNK_M:
+        said.append(f"is {-1e3 * low:.0f} mm deep in the table")
+    if table_plane and low > FLOATING_M:
+        said.append(f"ends {1e3 * low:.0f} mm above the table")
+    if _shrunk(superquadric_volume(body), prior)[0]:
+        said.append(f"fills less than {100 * LEAST_FILL:.0f} % of the prior")
+    return said
+
+
+def _extent(body: SuperquadricLike, prior: BoundingCylinder
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The farthest distance from the prior's axis, the lowest and the highest point of each
+    superquadric [m], (world,) each."""
     with np.errstate(invalid="ignore", divide="ignore"):  # where nothing was fitted
         points = np.nan_to_num(superquadric_points(body, _SURFACE_POINTS))
     away = np.hypot(points[..., 0] - prior.x_m[:, None], points[..., 1] - prior.y_m[:, None])
-    low, high = points[..., 2].min(1), points[..., 2].max(1)
-    return (_within(away.max(1), low if table_plane else np.zeros_like(low), high, prior)
-            & ~(_shrunk(superquadric_volume(body), prior) & whole))
+    return away.max(1), points[..., 2].min(1), points[..., 2].max(1)
 
 
 def plausible_contour(

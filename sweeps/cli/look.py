@@ -121,7 +121,7 @@ def figure(words: list[FigureKind | str], /, *,
            metric: str = "chamfer_mm", strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
            episode: int = 0, over: Over | None = None) -> int:
-    """Draw a figure of a study, one column wide: SVG, PDF or PNG.
+    """Draw a figure of a study, one column wide: SVG, PDF or PNG. Contacts also as CSV.
 
     Parameters
     ----------
@@ -129,10 +129,11 @@ def figure(words: list[FigureKind | str], /, *,
         DIR... KIND: the directories of a study, then one of forest (the leaderboard),
         curves-touches, curves-time (error as it falls), pareto (error and robot time),
         confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
-        the recovered body), faces (traces and planes), contour (the solid of revolution), taxels
-        (images of pads, with their moments), grasp (the hand on the object).
+        the recovered body; with -o FILE.csv as numbers, beside the true places), faces (traces
+        and planes), contour (the solid of revolution), taxels (images of pads, with their
+        moments), grasp (the hand on the object).
     out
-        The file; its ending, .svg, .pdf or .png, names the format.
+        The file; its ending, .svg, .pdf or .png (for contacts also .csv), names the format.
     metric
         Of forest, pareto and settings.
     strategy

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "columns": ["NODES", "contour_nodes", "interval_columns", "model_names",
         "revolution_parameters",
         "superquadric_parameters"],
-    "contact_rows": ["COLUMNS", "VECTORS", "contact_columns"],
+    "contact_rows": ["COLUMNS", "VECTORS", "contact_columns", "contacts_csv"],
     "episodes": ["EpisodeBlock", "REBUILD_FAILED", "cell_body", "episode_notes", "place_objects",
         "run_block", "run_episodes"],
     "given_prior": ["SEEN", "draw_prior", "normalized_chamfer", "seen_prior"],

@@ -1,16 +1,20 @@
 """Contacts of a block of episodes as flat columns, a row for each guarded move that had a sensor.
 
-x, y, z are the contact as the robot estimates it; for a contact used by the last fit, the point
-that it used. `link` is the link that the robot concludes, `true_link` the one that touched.
-`accepted` is 1 for a contact that counts as one of the recovered body's and 0 for another one;
-`verdict` says why (`contact_verdict`). `var_` and `cov_` are the point's covariance. No strategy
+x, y, z are the contact as the robot estimates it; for a contact that the body used, the place that
+this body gave it: the one that stands, a free form or parts where these stand for a model. `link`
+is the link that the robot concludes, `true_link` the one that touched. `accepted` is 1 for a
+contact that counts as one of that body's and 0 for another one; `verdict` says why
+(`contact_verdict`). `var_` and `cov_` are the point's covariance. No strategy
 or fit reads the true columns. For touches of pads `grasp` is the direction on a face or the section
 of a contour. What a move does not have is NaN.
 
 A world's rows do not depend on the worlds beside it: probes that it did not make have no rows.
 """
 
+import csv
+import io
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -18,14 +22,13 @@ from strategies.exploration_record import Exploration, Procedure
 from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.planar_record import PlanarExploration
 from strategies.procedures.touches import TABLE_MARGIN_M, true_touches
-from strategies.recovery.choose_model import Recovered
 from strategies.recovery.contact_verdict import (
     ACCEPTED,
     FAR,
     TABLE,
-    explained_by,
 )
-from strategies.recovery.evidence import Evidence
+from strategies.recovery.evidence import Evidence, slots_of_touches
+from strategies.recovery.misfit import FARTHEST_M
 from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps, Truth
@@ -64,7 +67,7 @@ def contact_columns(found: Exploration, truth: Truth) -> dict[str, np.ndarray]:
                for name in ("world", *COLUMNS, *more)}
     order = np.argsort(columns["world"], kind="stable")
     columns = {name: values[order] for name, values in columns.items()}
-    return columns | _judged(columns, found.recovered)
+    return columns | _judged(columns, found)
 
 
 def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
@@ -83,15 +86,35 @@ def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
     return tables
 
 
+def contacts_csv(found: Exploration, truth: Truth, world: int = 0) -> str:
+    """The rows of one world as `contact_columns` has them, without joints past the fourth; text of
+    a CSV file."""
+    columns = contact_columns(found, truth)
+    mine = columns["world"] == world
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    writer.writerows(zip(*(_cells(name, columns[name][mine]) for name in COLUMNS), strict=True))
+    return text.getvalue()
+
+
+def _cells(name: str, values: np.ndarray) -> list[Any]:
+    if values.dtype != float:
+        return values.tolist()
+    digits = 0 if name in ("accepted", "taxel_peak") else 6
+    if name in VECTORS["covariance"]:
+        digits = 12
+    return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
+
+
 def _procedures(found: Exploration, truth: Truth) -> Iterator[Parts]:
     slot, probes = 0, np.zeros(len(found.status), int)
-    belief = found.belief
     for procedure in found.procedures:
         if isinstance(procedure.felt, Grasps):
             yield _grasps(procedure, procedure.felt, truth.closings[procedure.closing],
-                          belief.evidence, found.verdicts, slot, probes)
+                          found.placed, found.verdicts, slot, probes)
         else:
-            yield _touches(procedure.name, procedure.felt, truth, probes)
+            yield _touches(procedure, procedure.felt, truth, found.placed, slot, probes)
         slot += procedure.slots
 
 
@@ -124,20 +147,25 @@ def _grasps(procedure: Procedure, grasps: Grasps, truth: ClosingTruth, evidence:
     }
 
 
-def _touches(name: str, felt: PlanarExploration | ContourExploration, truth: Truth,
-             probes: np.ndarray) -> Parts:
+def _touches(procedure: Procedure, felt: PlanarExploration | ContourExploration, truth: Truth,
+             evidence: Evidence, slot: int, probes: np.ndarray) -> Parts:
+    """Rows of touches of pads, of which some are kept from `slot` of the evidence on. Others stay
+    where they were felt, whatever body stands."""
     table = felt.touches
     point, normal = true_touches(table, truth)
+    kept, (worlds, slots) = slots_of_touches(table, len(probes), procedure.slots)
+    placed = table.point_m.copy()
+    placed[kept] = evidence.points_m[worlds, slot + slots]
     order = np.argsort(table.world, kind="stable")
     world = table.world[order]
     made = np.bincount(world, minlength=len(probes))
     number = probes[world] + np.arange(len(world)) - (np.cumsum(made) - made)[world]
     probes += made
     return {
-        "world": world, "procedure": np.full(len(world), name, object), "probe": number,
-        "grasp": table.part[order], "finger": table.finger[order], "link": table.link[order],
-        "true_link": table.link[order],
-        "status": STATUS_NAMES[table.status[order]], "point": table.point_m[order],
+        "world": world, "procedure": np.full(len(world), procedure.name, object),
+        "probe": number, "grasp": table.part[order], "finger": table.finger[order],
+        "link": table.link[order], "true_link": table.link[order],
+        "status": STATUS_NAMES[table.status[order]], "point": placed[order],
         "verdict": np.full(len(order), "", object),
         "covariance": np.full((len(order), 6), np.nan),
         "true_point": point[order], "true_normal": normal[order], "joints": table.q_rad[order],
@@ -150,17 +178,17 @@ def _distinct(covariance: np.ndarray) -> np.ndarray:
     return covariance[:, (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)]
 
 
-def _judged(columns: dict[str, np.ndarray], recovered: Recovered) -> dict[str, np.ndarray]:
+def _judged(columns: dict[str, np.ndarray], found: Exploration) -> dict[str, np.ndarray]:
     """`verdict` of each row, where it has none by its nearness, and `accepted`: 1 or 0 for each
     contact, NaN for rows without one."""
     point = np.stack([columns[name] for name in VECTORS["point"]], axis=1)
     felt = np.asarray(np.isfinite(point).all(axis=-1))
     world = columns["world"]
     number = np.arange(len(world)) - np.searchsorted(world, world)
-    padded = np.zeros((len(recovered), 1 + number.max(initial=0), 3))
+    padded = np.zeros((len(found.status), 1 + number.max(initial=0), 3))
     mask = np.zeros(padded.shape[:2], bool)
     padded[world, number], mask[world, number] = np.where(felt[:, None], point, 0.0), felt
-    near = explained_by(recovered, padded, mask)[world, number]
+    near = found.gaps(padded, mask)[world, number] <= FARTHEST_M
     verdict = columns["verdict"].copy()
     verdict[(verdict == "") & felt] = np.where(near, ACCEPTED, FAR)[(verdict == "") & felt]
     verdict[felt & (columns["z_m"] <= TABLE_MARGIN_M)] = TABLE

@@ -33,6 +33,7 @@ from strategies.reconstruct.plug_in_name import BUILT_IN, CHOSEN
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from strategies.recovery.evidence import Evidence
+from strategies.recovery.recovery_failure import why_failed
 from sweeps.episode.columns import model_columns, model_names
 from sweeps.episode.contact_rows import contact_tables
 from sweeps.episode.curve_moments import (
@@ -94,8 +95,6 @@ class EpisodeBlock:
     """Which known object was felt."""
     touched: np.ndarray
     """Share of each true surface within 10 mm of a contact (`touched_share`), (world,)."""
-    rebuilt: Reconstruction | None = None
-    """Free-form bodies that are scored in place of `recovered`, where they were asked for."""
 
     @property
     def body(self) -> Body:
@@ -115,12 +114,17 @@ class EpisodeBlock:
 
     @property
     def recovered(self) -> Recovered:
-        """What is scored."""
+        """The models recovered, which are scored where nothing stands in their place."""
         return self.exploration.recovered
 
     @property
+    def rebuilt(self) -> Reconstruction | None:
+        """Bodies that are scored in place of `recovered`, where they were asked for."""
+        return self.exploration.rebuilt
+
+    @property
     def evidence(self) -> Evidence:
-        """All that was felt, as placed for the last fit."""
+        """All that was felt, as placed for the last fit of a model."""
         return self.exploration.belief.evidence
 
     @property
@@ -210,12 +214,18 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     """
     why = why_untouched(block.exploration, [block.bodies[n] for n in which], block.truth,
                         block.prior, cell.arm, cell.hand)
-    why = np.where(why == "", mostly_itself(block.exploration), why)
+    failed = why_failed(block.status, block.exploration.belief)
+    why = np.where(why == "", _both(failed, mostly_itself(block.exploration)), why)
     why = np.where(block.exploration.stopped, STOPPED, why)
     if block.rebuilt is not None and block.rebuilt.note is not None:
-        why = np.array(["; ".join(filter(None, both)) for both in zip(
-            why, block.rebuilt.note, strict=True)], object)
+        why = _both(why, block.rebuilt.note)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
+
+
+def _both(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Two texts of each world as one, (world,)."""
+    return np.array(["; ".join(filter(None, both)) for both in zip(one, other, strict=True)],
+                    object)
 
 
 def _shape_names(block: EpisodeBlock, names: np.ndarray) -> np.ndarray:
@@ -304,13 +314,14 @@ def run_parts(
     if rebuilt is not None:
         from sweeps.episode.mesh_scores import scores_with_meshes
 
-        found = replace(_rebuilt_status(found, rebuilt), belief=belief, recovered=recovered)
+        found = replace(_rebuilt_status(found, rebuilt), belief=belief, recovered=recovered,
+                        rebuilt=rebuilt)
         scores = scores_with_meshes(scorer, rebuilt.meshes,
                                     scorer.score_again(recovered, straight, scores))
         if rebuilds:
             moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
-                        recognition, surface.share(truth), rebuilt)
+                        recognition, surface.share(truth))
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:

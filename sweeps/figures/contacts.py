@@ -45,14 +45,13 @@ class ContactsShown:
     true: np.ndarray
     """Of the true one, (face, corner, 3)."""
     points: np.ndarray
-    """Contacts, (contact, 3)."""
+    """Contacts as placed on the body that stands, (contact, 3)."""
     near: np.ndarray
-    """Those that the body explains, (contact,)."""
+    """Those that count as the body's, (contact,)."""
 
 
 def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> ContactsShown:
     """What the figure of one world of a block shows."""
-    from fit.arrays import rows_of
     from strategies.recovery.choose_model import Shape
     from strategies.recovery.contact_verdict import ACCEPTED
     from sweeps.figures.meshes import mesh_of_world, recovered_faces
@@ -61,18 +60,17 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     pose = block.truth.body_pose[world]
     free_form = mesh_of_world(block, world) is not None
     prior = bool(block.recovered.shape[world] == Shape.PRIOR) and not free_form
-    own = np.array([world])
-    evidence = rows_of(block.evidence, own)
-    mine = evidence.mask[0]
+    placed = block.exploration.placed
+    mine = placed.mask[world]
     near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)[mine]
-    near |= prior or free_form  # nothing was recovered that contacts could contradict
+    near |= prior  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
     vertices, sides = body_mesh(block.body, 48)
     return ContactsShown(
         name, "given prior" if prior else "recovered surface" if free_form
         else "recovered body", prior, 1e3 * (recovered_faces(block, world) - pose[:3]),
-        (1e3 * (vertices @ turn.T))[sides], 1e3 * (evidence.points_m[0][mine] - pose[:3]), near)
+        (1e3 * (vertices @ turn.T))[sides], 1e3 * (placed.points_m[world][mine] - pose[:3]), near)
 
 
 def draw_contacts(shown: ContactsShown) -> bytes:

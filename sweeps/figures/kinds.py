@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 import sweeps.figures
 from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.curves import once_notes, read_curves
@@ -100,13 +102,33 @@ KINDS: dict[str, Callable[[Asked], "Figure"]] = {
 }
 
 
+def contacts_of_episode(asked: Asked) -> bytes:
+    """The guarded moves of the chosen episode, run again, as `explore` writes them; a CSV file.
+
+    A line on stderr says how the episode ended and where the object truly stands.
+    """
+    from sweeps.episode.contact_rows import contacts_csv
+    from sweeps.episode.episodes import episode_notes
+
+    cell, block = _rerun(asked)
+    x, y, _, _, _, sine, cosine = block.truth.body_pose[0]
+    said = episode_notes(block, cell, np.zeros(1, int))[0]
+    note(f"{block.status[0]}{': ' * bool(said)}{said}; {cell.object_name} truly stands at "
+         f"x_m {x:.4g}, y_m {y:.4g}, yaw_rad {2.0 * np.arctan2(sine, cosine):.4g}")
+    return contacts_csv(block.exploration, block.truth).encode()
+
+
 def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strategy: str | None,
            object_: str | None, episode: int, over: str | None = None) -> int:
-    """Draws one figure into a file, whose ending names the format."""
+    """Draws one figure into a file, whose ending names the format; contacts as numbers where that
+    is .csv."""
     check_metric(metric)
     plan, stores = open_study(folders)
     asked = Asked(plan, stores, metric, strategy, object_, episode, over)
-    content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))
+    if kind == "contacts" and out.suffix == ".csv":
+        content = contacts_of_episode(asked)
+    else:
+        content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))
     try:
         write_atomic(out, content)
     except OSError as error:

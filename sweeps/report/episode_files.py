@@ -1,7 +1,5 @@
 """The files of one episode: contacts.csv, shape.json and figures."""
 
-import csv
-import io
 import json
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -23,7 +21,7 @@ from sweeps.episode.columns import (
     revolution_parameters,
     superquadric_parameters,
 )
-from sweeps.episode.contact_rows import COLUMNS, VECTORS, contact_columns
+from sweeps.episode.contact_rows import contacts_csv
 from sweeps.episode.episodes import REBUILD_FAILED, EpisodeBlock, episode_notes, run_block
 from sweeps.episode.given_prior import normalized_chamfer
 from sweeps.figures.contacts import contacts_shown, draw_contacts
@@ -67,7 +65,8 @@ def explore(
                 fit=FitTable(reconstruct=reconstruct))
     block = run_block(cell, np.arange(1), device, curve=False)
     record = shape_record(cell, block)
-    files = {"contacts.csv": contacts_csv(block), "shape.json": json.dumps(record, indent=2) + "\n"}
+    files = {"contacts.csv": contacts_csv(block.exploration, block.truth),
+             "shape.json": json.dumps(record, indent=2) + "\n"}
     if (out / "shape.json").exists():  # an earlier episode's files would be taken for this one's
         for old in OTHERS:
             (out / old).unlink(missing_ok=True)
@@ -134,26 +133,6 @@ def _pictures(
         yield "contour.png", attempt(lambda: encode(contour_figure(block, name, wide=True), "png"))
     yield from zip(shown, process.finish() if process is not None
                    else [attempt(*job) for job in shown.values()], strict=True)
-
-
-def contacts_csv(block: EpisodeBlock, world: int = 0) -> str:
-    """The rows of one world as `contact_columns` has them; text of a CSV file."""
-    found = contact_columns(block.exploration, block.truth)
-    mine = found["world"] == world
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(zip(*(_cells(name, found[name][mine]) for name in COLUMNS), strict=True))
-    return text.getvalue()
-
-
-def _cells(name: str, values: np.ndarray) -> list[Any]:
-    if values.dtype != float:
-        return values.tolist()
-    digits = 0 if name in ("accepted", "taxel_peak") else 6
-    if name in VECTORS["covariance"]:
-        digits = 12
-    return ["" if not np.isfinite(v) else f"{v:.{digits}f}" for v in values.tolist()]
 
 
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:

@@ -63,7 +63,7 @@ class SurfacesShown:
     sigma: np.ndarray | None
     """Standard deviation of the recovered surface at each face's middle [m], where known."""
     points: np.ndarray
-    """Contacts, (contact, 3)."""
+    """Contacts as placed on the body that stands, (contact, 3)."""
 
 
 def surfaces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> SurfacesShown:
@@ -78,8 +78,8 @@ def surfaces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Surfaces
     faces = recovered_faces(block, world)
     sigma = surface_sigma(block, faces.mean(1), world)
     made = "recovered" if sigma is not None or mesh_of_world(block, world) else "prior"
-    evidence = block.evidence
-    points = evidence.points_m[world][evidence.mask[world]]
+    placed = block.exploration.placed
+    points = placed.points_m[world][placed.mask[world]]
     return SurfacesShown(name, made, (1e3 * (vertices @ turn.T))[sides], 1e3 * (faces - pose[:3]),
                          sigma, 1e3 * (points - pose[:3]))
 

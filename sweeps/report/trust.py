@@ -39,7 +39,7 @@ _NOTHING = {
 def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     """What speaks for the recovered body of one world, and how much of it was never felt."""
     recovered = rows_of(block.recovered, np.array([world]))
-    evidence = rows_of(block.evidence, np.array([world]))
+    evidence = rows_of(block.exploration.placed, np.array([world]))
     felt = int(evidence.mask.sum())
     mesh = mesh_of_world(block, world)
     if mesh is not None:

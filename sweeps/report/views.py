@@ -100,7 +100,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
         body = plan.study.objects[pick.episode.body].name
         if body not in bodies:
             bodies[body] = body_data(block.body)
-        evidence = block.exploration.belief.evidence
+        placed = block.exploration.placed
         again = float(block.scores.chamfer_m[0] * 1e3)
         differ += again != pick.chamfer_mm
         episodes.append({
@@ -109,7 +109,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
             "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
             **surface_data(block),
             **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
-                           evidence.points_m[0][evidence.mask[0]])})
+                           placed.points_m[0][placed.mask[0]])})
     notes = []
     notes += [f"no episode of it is shown: {why}" for why in sorted(set(missing.values()) - {""})]
     if differ:

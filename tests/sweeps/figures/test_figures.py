@@ -23,6 +23,7 @@ from sweeps.analysis.entries import Entry
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.pareto import COST, find_front
 from sweeps.cli import main as cli
+from sweeps.episode.contact_rows import contacts_csv
 from sweeps.episode.episodes import run_block
 from sweeps.figures import kinds as figures
 from sweeps.figures.contacts import contacts_figure
@@ -183,6 +184,7 @@ def test_intervals_keep_to_the_scores_range() -> None:
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (["DIR", "forest", "-o", "a.jpg"], "cannot be written as 'jpg'"),
+    (["DIR", "forest", "-o", "a.csv"], "cannot be written as 'csv'"),
     (["DIR", "forrest", "-o", "a.svg"], "did you mean forest?"),
     (["DIR", "confusion", "-o", "a.svg", "--strategy", "no"], "no strategy 'no'"),
     (["DIR", "contacts", "-o", "a.svg", "--object", "blok"], "did you mean block?"),
@@ -284,6 +286,21 @@ def test_contacts_of_an_episode_run_again(tmp_path: Path) -> None:
     first, second = (figures.KINDS["contacts"](Asked(plan, [store])) for _ in range(2))
     assert encode(first, "svg") == encode(second, "svg")
     looks_right(first)
+
+
+def test_contacts_of_an_episode_as_numbers(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The file that `explore` would write of it, and where the object truly stands."""
+    plan, store = wide_study(tmp_path, wide_text(1, 1, 2))
+    file = tmp_path / "contacts.csv"
+    assert cli.run(["figure", str(store.folder), "contacts", "--episode", "1", "-o",
+                    str(file)]) == 0
+    block = run_block(plan.study.cell(0, 0, 0), np.array([1]), "cpu")
+    assert file.read_text() == contacts_csv(block.exploration, block.truth)
+    yaw = 2.0 * np.arctan2(*block.truth.body_pose[0, 5:])
+    said = capsys.readouterr().err
+    assert said.startswith(str(block.status[0]))
+    assert f"truly stands at x_m 0.45, y_m 0, yaw_rad {yaw:.4g}\n" in said
 
 
 def test_letters_without_a_picture_and_empty_axes_are_no_warning(

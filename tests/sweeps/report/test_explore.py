@@ -13,7 +13,7 @@ from fit.superquadric.geometry import Superquadric
 from strategies import exploration_record
 from strategies.ready_made import DEFAULT, STRATEGIES
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.contact_verdict import contact_verdicts
+from strategies.recovery.contact_verdict import verdicts_by_gap
 from sweeps.episode.episodes import run_block
 from sweeps.report.episode_files import explore
 from sweeps.report.trust import choice_sentence, free_form_sentence, surface_near
@@ -40,8 +40,8 @@ def test_explore_says_what_it_chose(
 ) -> None:
     """And finds its contacts' verdicts once for all its files: they take longest of these."""
     found = []
-    monkeypatch.setattr(exploration_record, "contact_verdicts", lambda *given: found.append(
-        contact_verdicts(*given)) or found[-1])
+    monkeypatch.setattr(exploration_record, "verdicts_by_gap", lambda *given: found.append(
+        verdicts_by_gap(*given)) or found[-1])
     assert DEFAULT == "any-object"
     assert f'name = "{DEFAULT}"' in spec_template()
     explore(body_table={"name": "block"}, strategy=STRATEGIES["ring6"],

@@ -26,7 +26,7 @@ def block() -> EpisodeBlock:
 
 
 def without_free_form(block: EpisodeBlock) -> EpisodeBlock:
-    return replace(block, rebuilt=None)
+    return replace(block, exploration=replace(block.exploration, rebuilt=None))
 
 
 @pytest.mark.parametrize("free", [True, False])
