@@ -173,8 +173,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     shape
         superquadric, plane or revolution.
     points
-        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz, pointing out of
-        the body, where felt.
+        A CSV with columns x_m, y_m, z_m (or x_cm, x_mm and so on); set where there are several;
+        nx, ny, nz, pointing out of the body, where felt.
     out
         The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
     taper
@@ -186,7 +186,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     table_z
         Height of the table the body stands on, in metres.
     units
-        Of the points; by default by the columns' names: x_m, x_cm or x_mm.
+        Of the points, whose columns may then be x, y, z; by default by the columns' names: x_m,
+        x_cm or x_mm.
     figure
         Also draw the sets, as .png, .svg or .pdf.
     """

@@ -33,6 +33,8 @@ BELOW_SHARE, BELOW_M = 0.1, 0.005
 """More touches than this share lie farther than this below a table that is given too high."""
 LEAST_NORMALS, INWARD_M = 8, 0.001
 """So many normals, half of which point inwards by more than what touches of a flat face may."""
+MOST_NAMED = 10
+"""Sets named in one message."""
 FAR, LEAST_EXTENT_M = 10.0, 0.05
 """What is touched from so many times its extent (at least) above a table on does not stand on it.
 """
@@ -50,6 +52,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         sets = read_points(points, units=units)
     except OSError as error:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
+    if any(sets.left_out):
+        say(_left_out(sets))
     if table_z_m is not None:
         _check_table(sets, table_z_m)
     if shape == "superquadric" and sets.normals is not None:
@@ -75,6 +79,15 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
     print(f"{len(sets.names)} sets: " + ", ".join(f"{n} {name}" for name, n in became.items()),
           file=sys.stderr)
     return 0
+
+
+def _left_out(sets: PointSets) -> str:
+    """Which sets have touches with a missing coordinate, and how many."""
+    found = [f"{count} of {name}" for name, count in
+             zip(sets.names, sets.left_out, strict=True) if count]
+    more = f" and of {len(found) - MOST_NAMED} more sets" if len(found) > MOST_NAMED else ""
+    return ("touches with a missing coordinate are left out: "
+            f"{', '.join(found[:MOST_NAMED])}{more}")
 
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:
