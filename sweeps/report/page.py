@@ -58,9 +58,14 @@ def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
 
 def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
                 device: str = "cpu", workers: int = 1) -> bytes:
-    """The bytes of the page. Raises StoreError where no block of episodes is finished."""
+    """The bytes of the page. Raises StoreError where no block of episodes of a sweep is finished.
+    """
     board = make_leaderboard(plan, stores)
     paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
+    for folder in (store.folder for store in stores if not paired.objects):
+        if (folder / "race.csv").exists():
+            raise StoreError(f"{folder} holds a race, whose outcome is in its race.csv and "
+                             "race.svg; a report is of the episodes of a sweep")
     if not paired.objects:
         raise StoreError(f"{stores[0].folder}: no block of episodes is finished for every "
                          "strategy yet; `warpgrasp status` says how far it is")

@@ -102,7 +102,8 @@ def test_a_printed_leaderboard_has_the_interval_that_is_known(
         assert header[2:5] == ["chamfer_mm", f"chamfer_mm_{kind}_low", f"chamfer_mm_{kind}_high"]
         assert "NA" not in first[-9:-7]
     assert cli.run(["leaderboard", str(out), "--json"]) == 0
-    assert {"chamfer_mm_ci_low", "chamfer_mm_these_low"} <= {*json.loads(capsys.readouterr().out)[0]}
+    columns = {*json.loads(capsys.readouterr().out)[0]}
+    assert {"chamfer_mm_ci_low", "chamfer_mm_these_low"} <= columns
 
 
 def test_what_a_study_keeps_is_run_again_from_it_alone(
