@@ -60,8 +60,9 @@ class RaceView:
                   for name in ("open", "tied", "worse")}
         facts = [("state", race_state(found, pace.running)), ("episodes", f"{taken:,}"),
                  ("still open", f"{counts['open']:,}"),
-                 (verdict_word("tied"), f"{counts['tied']:,}"), ("worse, out", f"{counts['worse']:,}"),
-                 *_of_this_rung(pace), *pace_facts(pace, pace.total - pace.past)]
+                 (verdict_word("tied"), f"{counts['tied']:,}"),
+                 ("worse, out", f"{counts['worse']:,}"), *_of_this_rung(pace),
+                 *pace_facts(pace, pace.total - pace.past)]
         return State(
             "race", self.plan.study.head.name or self.store.folder.name, pace.running,
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,

@@ -193,6 +193,23 @@ def test_touches_without_a_coordinate_are_left_out_and_told(
     assert read(alone) == (header, rows[:1])
 
 
+def test_fits_far_off_their_touches_come_with_advice(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    two = np.concatenate([touches(1), touches(2) + [0.12, 0.0, 0.0]])  # bodies side by side
+    arguments = ["fit", "superquadric", str(write(tmp_path / "p.csv", {"two": two})),
+                 "--table-z", "0", "-o", str(tmp_path / "fits.csv")]
+    assert cli.run(arguments) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("1 set: ")
+    assert "(rms): two (" in said
+    assert "try --robust; if the body is no superquadric, a free form" in said
+    assert cli.run([*arguments, "--robust"]) == 0
+    assert "try --robust" not in capsys.readouterr().err
+    write(tmp_path / "p.csv", {"one": touches(1)})
+    assert cli.run(arguments) == 0
+    assert capsys.readouterr().err == "1 set: 1 converged\n"
+
+
 def test_a_name_is_no_formula(tmp_path: Path) -> None:
     points = write(tmp_path / "points.csv", {"trial $\\alpha_{$": touches(1)})
     out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"
