@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @app.command
-def explore(object_: str, /, *, strategy: str | None = None,
+def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             stable_pose: int | None = None,

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from sweeps.cli.app import (
+    Folders,
     Force,
     Json,
     Settings,
@@ -283,7 +284,7 @@ def status(folder: Path, /, *, json: Json = False) -> int:
 
 
 @app.command
-def leaderboard(folders: list[Path], /, *,
+def leaderboard(folders: Folders, /, *,
                 out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
                 metric: str = "chamfer_mm", by: str | None = None,
                 over: Literal["like-these", "these"] | None = None, json: Json = False) -> int:
