@@ -1,7 +1,7 @@
 """CSV files of `warpgrasp fit`: sets of touches in, fits out.
 
-Input columns are `set, x_m, y_m, z_m` (without `set`: one set; optional `nx, ny, nz`). Output files
-have one row per set.
+Input columns are `set, x_m, y_m, z_m` (without `set`: one set; optional `nx, ny, nz`; other units
+by `x_cm`, `x_mm`, or `x, y, z` where the caller says the unit). Output files have one row per set.
 """
 
 import csv
@@ -23,7 +23,12 @@ from fit.superquadric.record import SuperquadricFit
 from warpgrasp.core.plain_text import csv_cell
 
 UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+NUMBER = {"m": "metres such as 0.0425", "cm": "centimetres such as 4.25",
+          "mm": "millimetres such as 42.5"}
+"""What a cell of a unit should hold."""
 NORMAL = ("nx", "ny", "nz")
+MISSING = ("", "na", "nan")
+"""Cells without a value, in lower case."""
 ROWS_AT_ONCE = 512
 """Few enough that Python's garbage collector does not walk through the rows again and again."""
 LARGEST_M = 2.0
@@ -51,6 +56,8 @@ class PointSets:
     mask: Bool[np.ndarray, "fit point"]
     normals: Float[np.ndarray, "fit point 3"] | None
     """Outward normals, NaN where not given; None if the columns are missing."""
+    left_out: tuple[int, ...] = ()
+    """Touches of each set that are not here, since a coordinate is missing; empty: none."""
 
 
 def read_points(path: str | Path, *, units: str | None = None,
@@ -58,13 +65,17 @@ def read_points(path: str | Path, *, units: str | None = None,
     """Read sets of touches from a CSV file.
 
     The unit of length is that of the columns (`x_m`, `x_cm` or `x_mm`), unless `units` says
-    otherwise. Unless it does, sets of more than `LARGEST_M` are refused, and files of which no set
-    has `SMALLEST_M`: nobody touches them with one hand, and columns of millimetres named `x_m`, or
-    of metres named `x_mm`, are the usual reason.
+    otherwise; then the columns may also be `x`, `y` and `z`. Unless it does, sets of more than
+    `LARGEST_M` are refused, and files of which no set has `SMALLEST_M`: nobody touches them with
+    one hand, and columns of millimetres named `x_m`, or of metres named `x_mm`, are the usual
+    reason.
+
+    A touch with a missing coordinate (an empty cell, NA or NaN) is left out and counted in
+    `left_out`; its set stays, if without touches. Rows without any value are skipped. Infinity is
+    accepted: a fit of such a set has the status `bad_points`.
 
     Raises PointsError with the file, line and column of each error (a missing column, a cell that
-    is not a number, a row of the wrong length, no rows), and OSError if the file cannot be read.
-    NaN and infinity are accepted: a fit of such a set has the status `bad_points`.
+    is not a number, a row of the wrong length, no touches), and OSError if the file cannot be read.
     """
     try:
         return _read_points(Path(path), units, most_problems)
@@ -79,15 +90,16 @@ def _read_points(path: Path, units: str | None, most_problems: int) -> PointSets
     with path.open(newline="", encoding="utf-8-sig") as file:
         reader = csv.reader(file)
         header = [name.strip() for name in next(reader, [])]
-        columns, named = _columns(path, header)
+        axes, named = _axes(path, header, units)
+        columns = {name: k for k, name in enumerate(header)}
         numbered = ((reader.line_num, row) for row in reader if any(map(str.strip, row)))
         while block := list(islice(numbered, ROWS_AT_ONCE)):
-            of_block = _Block(path, header, block)
-            values.append(of_block.numbers([columns[f"{axis}_{named}"] for axis in "xyz"] + [
-                columns[name] for name in NORMAL if name in columns]))
+            of_block = _Block(path, header, block, NUMBER[units or named])
+            values.append(of_block.numbers([columns[name] for name in (*axes, *NORMAL)
+                                            if name in columns]))
             names += of_block.names(columns.get("set"))
             problems += of_block.problems
-    if not values:
+    if not problems and all(np.isnan(of[:, :3]).any(axis=1).all() for of in values):
         problems.append(f"{path}:2: no points; a row of numbers for each touch should follow")
     if problems:
         hidden = len(problems) - most_problems
@@ -103,8 +115,10 @@ def _read_points(path: Path, units: str | None, most_problems: int) -> PointSets
 class _Block:
     """Some rows, read column by column, since a call for each cell would take longer than a fit."""
 
-    def __init__(self, path: Path, header: Sequence[str], block: Sequence[tuple[int, list[str]]]):
-        self._path, self._header = path, header
+    def __init__(self, path: Path, header: Sequence[str], block: Sequence[tuple[int, list[str]]],
+                 length: str):
+        """`length` says what a cell of a coordinate should hold."""
+        self._path, self._header, self._length = path, header, length
         self._wrong = [(line, f"{len(row)} cells, should be {len(header)} as in line 1")
                        for line, row in block if len(row) != len(header)]
         right = [(line, row) for line, row in block if len(row) == len(header)]
@@ -112,7 +126,7 @@ class _Block:
         self._cells = list(zip(*(row for _, row in right), strict=True)) or [()] * len(header)
 
     def numbers(self, wanted: Sequence[int]) -> np.ndarray:
-        """The numbers of the columns `wanted`, shape [row, column]; NaN where it is none."""
+        """The numbers of the columns `wanted`, shape [row, column]; NaN where there is none."""
         return np.stack([self._column(k) for k in wanted], axis=1)
 
     def names(self, column: int | None) -> list[str]:
@@ -137,9 +151,9 @@ class _Block:
                 return np.fromiter(map(float, cells), float, len(cells))
         except ValueError:  # some cell is not a number: look at each
             pass
-        found = [_number(cell, optional=name in NORMAL) for cell in cells]
-        self._wrong += [(line, f"{name}: {cell.strip()!r} is not a number; write metres such as "
-                               "0.0425")
+        found = [_number(cell) for cell in cells]
+        should = "a number such as 0.6" if name in NORMAL else self._length
+        self._wrong += [(line, f"{name}: {cell.strip()!r} is not a number; write {should}")
                         for line, cell, number in zip(self._lines, cells, found, strict=True)
                         if number is None]
         return np.array([math.nan if number is None else number for number in found])
@@ -165,25 +179,49 @@ def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
             f"name the columns x_m, y_m, z_m; if they are {unit}, --units {unit}"])
 
 
-def _columns(path: Path, header: list[str]) -> tuple[dict[str, int], str]:
-    """The place of every column, and the unit that those of the points are named by."""
-    columns = {name: k for k, name in enumerate(header)}
-    unit = next((unit for unit in UNITS_M if f"x_{unit}" in columns), "m")
-    problems = [f"{path}:1: {name}: column is missing; there are: {', '.join(header) or 'none'}"
-                for name in (f"x_{unit}", f"y_{unit}", f"z_{unit}") if name not in columns]
-    normals = [name for name in NORMAL if name in columns]
+def _axes(path: Path, header: list[str], units: str | None) -> tuple[tuple[str, ...], str]:
+    """The columns of x, y and z, and the unit that they are named by.
+
+    Raises PointsError for columns that are missing or there twice.
+    """
+    named = next((unit for unit in UNITS_M if f"x_{unit}" in header), None)
+    if named is None and units is not None and "x" in header:
+        axes, named = ("x", "y", "z"), units
+    else:
+        axes = tuple(f"{axis}_{named or 'm'}" for axis in "xyz")
+    problems = []
+    if named is None:
+        problems.append(f"{path}:1: x_m, x_cm or x_mm: column is missing{_hint(header)}")
+    else:
+        problems += [f"{path}:1: {name}: column is missing{_hint(header)}" for name in axes
+                     if name not in header]
+    normals = [name for name in NORMAL if name in header]
     if 0 < len(normals) < 3:
         problems.append(f"{path}:1: {normals[0]}: a normal needs all of nx, ny, nz")
-    problems += [f"{path}:1: {name}: column appears twice" for name in columns
+    problems += [f"{path}:1: {name}: column appears twice" for name in dict.fromkeys(header)
                  if name and header.count(name) > 1]
     if problems:
         raise PointsError(problems)
-    return columns, unit
+    return axes, named or "m"
 
 
-def _number(cell: str, *, optional: bool) -> float | None:
+def _hint(header: list[str]) -> str:
+    """Which columns there are, and why that may be."""
+    there = f"; there are: {', '.join(header) or 'none'}"
+    if header and header[0].startswith("#"):
+        return f"{there}. Line 1 should name the columns; delete comments above them"
+    for sign, word in ((";", "semicolons"), ("\t", "tabs")):
+        if len(header) == 1 and sign in header[0]:
+            return f"{there}. Columns should be separated by commas, not by {word}"
+    if {"x", "y", "z"} <= set(header):
+        return f"{there}. Columns x, y, z need --units m, cm or mm"
+    return there
+
+
+def _number(cell: str) -> float | None:
+    """NaN for a cell without a value, None for one that is not a number."""
     cell = cell.strip()
-    if optional and cell in ("", "NA"):
+    if cell.lower() in MISSING:
         return math.nan
     try:
         # Python accepts underscores between digits; a CSV file should not.
@@ -193,20 +231,25 @@ def _number(cell: str, *, optional: bool) -> float | None:
 
 
 def _padded(names: Sequence[str], values: np.ndarray) -> PointSets:
-    """Rows of `values` [row, 3 or 6] as sets, by the name of each row."""
+    """Rows of `values` [row, 3 or 6] as sets, by the name of each row; rows without all three
+    coordinates are left out."""
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}
     of_row = np.fromiter(map(number.__getitem__, names), int, len(names))
-    count = np.bincount(of_row)
+    missing = np.isnan(values[:, :3]).any(axis=1)
+    left_out = np.bincount(of_row[missing], minlength=len(number))
+    values, of_row = values[~missing], of_row[~missing]
+    count = np.bincount(of_row, minlength=len(number))
     order = np.argsort(of_row, kind="stable")
     place = np.empty_like(of_row)
-    place[order] = np.arange(len(names)) - np.repeat(np.cumsum(count) - count, count)
+    place[order] = np.arange(len(of_row)) - np.repeat(np.cumsum(count) - count, count)
     points = np.zeros((len(number), count.max(), 3))
     points[of_row, place] = values[:, :3]
     normals = None
     if values.shape[1] > 3:
         normals = np.full_like(points, np.nan)
         normals[of_row, place] = values[:, 3:]
-    return PointSets(tuple(number), points, np.arange(count.max()) < count[:, None], normals)
+    return PointSets(tuple(number), points, np.arange(count.max()) < count[:, None], normals,
+                     tuple(left_out.tolist()) if missing.any() else ())
 
 
 def superquadric_rows(names: Sequence[str], fit: SuperquadricFit) -> tuple[list[str], list[list]]:

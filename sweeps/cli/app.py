@@ -18,6 +18,7 @@ app = App(name="warpgrasp", help="Batched simulation of robots that learn shape 
           "Every command takes --quiet: no progress and no notes.",
           version=_version, version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
+Folders = Annotated[list[Path], Parameter(name="DIR...")]
 Json = Annotated[bool, Parameter(negative="")]
 Force = Annotated[bool, Parameter(negative="")]
 Settings = Annotated[list[str] | None, Parameter(name="--set", negative="")]

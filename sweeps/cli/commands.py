@@ -8,6 +8,7 @@ from contextlib import redirect_stdout
 from pathlib import Path
 from typing import Any
 
+from sweeps.analysis.bootstrap import population
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
@@ -25,8 +26,8 @@ from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
 from warpgrasp.core.plain_text import on_one_line
 
-# Columns that fit a terminal; the file has them all.
-SHOWN = ("rank", "strategy", "_ci_low", "_ci_high", "p_best", "iou", "recognized", "touches",
+# Columns that fit a terminal, after the means and their intervals; the file has them all.
+SHOWN = ("p_best", "iou", "recognized", "touches",
          "robot_time_s", "failure_rate", "n_objects", "n_episodes")
 
 
@@ -184,8 +185,11 @@ def _race_counts(store: Store, notes: Sequence[dict[str, Any]]) -> Counts | None
 
 
 def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
-                by: str | None, as_json: bool) -> int:
-    """Ranks a study from one directory or from several that hold parts of it."""
+                by: str | None, as_json: bool, over: str | None = None) -> int:
+    """Ranks a study from one directory or from several that hold parts of it.
+
+    `over` chooses the interval that is printed; the file has both.
+    """
     plan, stores = open_study(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
     board = make_leaderboard(plan, stores, metric, names)
@@ -194,7 +198,7 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
             write_atomic(out, board.csv())
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
-    _show(board, as_json)
+    _show(board, as_json, over)
     for store in stores:
         if (store.folder / "race.csv").exists():
             note(f"{store.folder} holds a race, whose outcome is in its race.csv; a leaderboard is "
@@ -251,10 +255,15 @@ def sensitivity(
     return code
 
 
-def _show(board: Leaderboard, as_json: bool) -> None:
-    keep = [n for n, name in enumerate(board.header)
-            if as_json or n == 2 or any(name == s or (s[0] == "_" and name == board.header[2] + s)
-                                        for s in SHOWN)]
+def _show(board: Leaderboard, as_json: bool, over: str | None = None) -> None:
+    """Prints all of it as JSON, or some columns as text, where the interval of other objects is
+    unknown that of these ones."""
+    objects = board.header.index("n_objects")
+    most = max((int(row[objects]) for row in board.rows), default=0)
+    metric, kind = board.header[2], "these" if population(over, most) == "these" else "ci"
+    ends = [board.header.index(f"{metric}_{kind}_{end}") for end in ("low", "high")]
+    rest = [n for n, name in enumerate(board.header) if n > 2 and name in SHOWN]
+    keep = range(len(board.header)) if as_json else [0, 1, 2, *ends, *rest]
     print_table([board.header[n] for n in keep], [[row[n] for n in keep] for row in board.rows],
                 as_json)
     for line in board.notes:

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 @app.command
-def explore(object_: str, /, *, strategy: str | None = None,
+def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
             stable_pose: int | None = None,
@@ -173,8 +173,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     shape
         superquadric, plane or revolution.
     points
-        A CSV with columns x_m, y_m, z_m; set where there are several; nx, ny, nz, pointing out of
-        the body, where felt.
+        A CSV with columns x_m, y_m, z_m (or x_cm, x_mm and so on); set where there are several;
+        nx, ny, nz, pointing out of the body, where felt.
     out
         The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
     taper
@@ -186,7 +186,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     table_z
         Height of the table the body stands on, in metres.
     units
-        Of the points; by default by the columns' names: x_m, x_cm or x_mm.
+        Of the points, whose columns may then be x, y, z; by default by the columns' names: x_m,
+        x_cm or x_mm.
     figure
         Also draw the sets, as .png, .svg or .pdf.
     """

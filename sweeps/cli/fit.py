@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fit.arrays import joined
-from fit.fit_status import status_names
+from fit.fit_status import FitStatus, status_names
 from fit.points_csv import (
     PointSets,
     plane_rows,
@@ -23,6 +23,7 @@ from fit.points_csv import (
     rows_csv,
     superquadric_rows,
 )
+from fit.superquadric.record import SuperquadricFit
 from sweeps.output import say, why_unwritable, write_atomic
 from sweeps.spec.errors import StoreError
 
@@ -33,6 +34,10 @@ BELOW_SHARE, BELOW_M = 0.1, 0.005
 """More touches than this share lie farther than this below a table that is given too high."""
 LEAST_NORMALS, INWARD_M = 8, 0.001
 """So many normals, half of which point inwards by more than what touches of a flat face may."""
+LARGE_RMS_M = 0.002
+"""Touches of a fingertip are nearer to the body that they were made on [est]."""
+MOST_NAMED = 10
+"""Sets named in one message."""
 FAR, LEAST_EXTENT_M = 10.0, 0.05
 """What is touched from so many times its extent (at least) above a table on does not stand on it.
 """
@@ -50,6 +55,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         sets = read_points(points, units=units)
     except OSError as error:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
+    if any(sets.left_out):
+        say(_left_out(sets))
     if table_z_m is not None:
         _check_table(sets, table_z_m)
     if shape == "superquadric" and sets.normals is not None:
@@ -71,10 +78,39 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         except OSError as error:
             raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
         print(path)
-    became = Counter(status_names(found.status))
-    print(f"{len(sets.names)} sets: " + ", ".join(f"{n} {name}" for name, n in became.items()),
-          file=sys.stderr)
+    became, count = Counter(status_names(found.status)), len(sets.names)
+    print(f"{count} set{'' if count == 1 else 's'}: "
+          + ", ".join(f"{n} {name}" for name, n in became.items()), file=sys.stderr)
+    if shape == "superquadric" and (advice := _advice(sets.names, found, robust)):
+        say(advice)
     return 0
+
+
+def _left_out(sets: PointSets) -> str:
+    """Which sets have touches with a missing coordinate, and how many."""
+    return "touches with a missing coordinate are left out: " + _named(
+        [f"{count} of {name}" for name, count in zip(sets.names, sets.left_out, strict=True)
+         if count])
+
+
+def _advice(names: tuple[str, ...], found: SuperquadricFit, robust: bool) -> str:
+    """What may help where superquadrics did not converge or lie far off; empty if all are well."""
+    poor = [f"{name} ({1e3 * rms:.2g} mm)" for name, rms, status in
+            zip(names, found.rms_m, found.status, strict=True)
+            if status == FitStatus.not_converged or (
+                status == FitStatus.converged and rms > LARGE_RMS_M)]
+    if not poor:
+        return ""
+    wrong = "" if robust else "if touches may be wrong, try --robust; "
+    return (f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms): {_named(poor)}; "
+            f"{wrong}if the body is no superquadric, a free form (fit.implicit, docs/fit.md) "
+            "follows it")
+
+
+def _named(found: list[str]) -> str:
+    """The first of a list, and how many more there are."""
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    return ", ".join(found[:MOST_NAMED]) + more
 
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:

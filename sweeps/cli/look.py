@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, UsageError, app, count_of, device_of, folders_and_kind
+from sweeps.cli.app import Folders, Json, UsageError, app, count_of, device_of, folders_and_kind
 
 TableKind = Literal["pairs", "objects", "beside", "confusion", "curves", "reach", "same-time",
                     "pareto", "settings"]
@@ -16,7 +16,7 @@ Over = Literal["like-these", "these"]
 
 
 @app.command
-def table(words: list[TableKind | str], /, *,
+def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
           metric: str = "chamfer_mm", against: str | None = None, over: Over | None = None,
           json: Json = False) -> int:
@@ -25,7 +25,7 @@ def table(words: list[TableKind | str], /, *,
     Parameters
     ----------
     words
-        DIR... KIND: the directories of a study, then one of pairs (paired tests), objects
+        The directories of a study, then one of pairs (paired tests), objects
         (medians on each), beside (means on each, settings side by side), confusion
         (recognition), curves (error against touches and robot time), reach (touches and
         seconds to 5 mm and 3 mm), same-time (errors when the strategy of --against ended),
@@ -50,7 +50,7 @@ def table(words: list[TableKind | str], /, *,
 
 
 @app.command
-def rows(folders: list[Path], /, *,
+def rows(folders: Folders, /, *,
          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
          contacts: Annotated[bool, Parameter(negative="")] = False,
          curves: Annotated[bool, Parameter(negative="")] = False) -> int:
@@ -116,7 +116,7 @@ def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Pa
 
 
 @app.command
-def figure(words: list[FigureKind | str], /, *,
+def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND")], /, *,
            out: Annotated[Path, Parameter(name=["--out", "-o"])],
            metric: str = "chamfer_mm", strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
@@ -126,7 +126,7 @@ def figure(words: list[FigureKind | str], /, *,
     Parameters
     ----------
     words
-        DIR... KIND: the directories of a study, then one of forest (the leaderboard),
+        The directories of a study, then one of forest (the leaderboard),
         curves-touches, curves-time (error as it falls), pareto (error and robot time),
         confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
         the recovered body; with -o FILE.csv as numbers, beside the true places), faces (traces
@@ -155,7 +155,7 @@ def figure(words: list[FigureKind | str], /, *,
 
 
 @app.command
-def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
+def report(folders: Folders, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
            views: bool = True, workers: int = 1, device: str = "cpu") -> int:
     """Write a study as one HTML file that needs no network.
 
@@ -179,7 +179,7 @@ def report(folders: list[Path], /, *, out: Annotated[Path, Parameter(name=["--ou
 
 
 @app.command
-def show(folders: list[Path], /, *, episode: int = 0, strategy: str | None = None,
+def show(folders: Folders, /, *, episode: int = 0, strategy: str | None = None,
          object_: Annotated[str | None, Parameter(name="--object")] = None,
          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
          live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,

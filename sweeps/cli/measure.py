@@ -79,7 +79,8 @@ def sensitivity(*, out: Annotated[Path, Parameter(name=["--out", "-o"])],
 def bench(*, out: Annotated[Path, Parameter(name=["--out", "-o"])] = Path("runs/bench"),
           quick: Annotated[bool, Parameter(negative="")] = False,
           peers: Annotated[bool, Parameter(negative="")] = False,
-          only: list[str] | None = None, device: str = "cpu") -> int:
+          only: Annotated[list[str] | None, Parameter(negative="")] = None,
+          device: str = "cpu") -> int:
     """Measure this machine: a JSON line for each row, bench.jsonl and bench.md.
 
     Parameters

@@ -8,6 +8,7 @@ from typing import Annotated, Literal
 from cyclopts import Parameter
 
 from sweeps.cli.app import (
+    Folders,
     Force,
     Json,
     Settings,
@@ -283,9 +284,10 @@ def status(folder: Path, /, *, json: Json = False) -> int:
 
 
 @app.command
-def leaderboard(folders: list[Path], /, *,
+def leaderboard(folders: Folders, /, *,
                 out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
-                metric: str = "chamfer_mm", by: str | None = None, json: Json = False) -> int:
+                metric: str = "chamfer_mm", by: str | None = None,
+                over: Literal["like-these", "these"] | None = None, json: Json = False) -> int:
     """Rank a study's strategies, with intervals.
 
     Parameters
@@ -299,9 +301,13 @@ def leaderboard(folders: list[Path], /, *,
     by
         What defines an entry: strategy, object, swept keys, with commas between.
         Default: the strategy and the keys of [sweep.grid] and [sweep.zip].
+    over
+        The interval to print: like-these (of other objects like these, the default where there are
+        several) or these (of these objects, with other episodes). CSV and JSON have both.
     json
         Print JSON.
     """
     from sweeps.cli import commands
 
-    return commands.leaderboard(folders, out, metric=metric, by=by, as_json=json)
+    return commands.leaderboard(folders, out, metric=metric, by=by, as_json=json,
+                                over=over)

@@ -11,12 +11,21 @@ from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.geometry import Superquadric
 from sweeps.figures.meshes import quadrilaterals, revolution_grid, surface_mesh
-from sweeps.figures.solids import CONTACT, direction, draw_solid, normals, set_cube, visible
+from sweeps.figures.solids import (
+    CONTACT,
+    direction,
+    draw_solid,
+    keep_labels_inside,
+    normals,
+    set_cube,
+    visible,
+)
 from sweeps.figures.style import cut, drawing, encode, figure
 
 MOST_SETS = 12
 """Sets drawn, the first of them."""
 PANEL_IN = 2.4
+ZOOM = 0.8
 ELEVATION_DEG, AZIMUTH_DEG = 22.0, -55.0
 
 
@@ -45,6 +54,7 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
         axes.set_title(" ".join(words_of[:2]) + ("\n" + words_of[2] if len(words_of) > 2 else ""))
     if shown < len(sets.names):
         drawn.suptitle(f"the first {shown} of {len(sets.names)} sets", fontsize=7.5)
+    keep_labels_inside(drawn, ZOOM)
     return encode(drawn, form.lower())
 
 
@@ -62,7 +72,7 @@ def _draw(axes: Any, points: np.ndarray, faces: np.ndarray) -> None:
         seen = visible(points, faces, eye)
     axes.computed_zorder = False
     axes.scatter(*points[seen].T, s=8, color=CONTACT, depthshade=False, zorder=10)
-    set_cube(axes, np.concatenate([points, faces.reshape(-1, 3)]), 0.52, 1.0, 0.8)
+    set_cube(axes, np.concatenate([points, faces.reshape(-1, 3)]), 0.52, 1.0, ZOOM)
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
 
 

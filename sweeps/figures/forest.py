@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 MOST_ENTRIES = 20
 """Entries shown, the best ones."""
+THICK, THIN = "thick, these objects", "thin, objects like these"
+"""What lines are of."""
 FARTHEST = 1.0
 """How far beyond means and intervals of these objects the frame reaches for those of objects like
 these, in widths of all the former: of two objects the latter may be thousands of times as wide."""
@@ -23,7 +25,8 @@ these, in widths of all the former: of two objects the latter may be thousands o
 def draw_forest(paired: Paired, metric: str) -> "Figure":
     """Left each entry's mean with its 95 % interval, right its difference to the best.
 
-    Thick lines are intervals of these objects, thin ones of objects like these.
+    Thick lines are intervals of these objects, thin ones of objects like these; what is not known
+    is neither drawn nor explained.
     """
     exact, means = paired.statistics(metric), paired.means[metric]
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
@@ -35,7 +38,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
-        cut = False
+        cut, drawn_of = False, set[str]()
         for axes, value, colour, interval in (
                 (left, means[0], COLOURS[0],
                  lambda over: exact.values(over, bounds_of(metric))),
@@ -43,6 +46,8 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
                  lambda over: exact.differences(order[0], over))):
             these, like = ([found.low[order], found.high[order]]
                            for found in (interval("these"), interval("like-these")))
+            drawn_of |= {words for words, ends in ((THICK, these), (THIN, like))
+                         if np.isfinite(ends).any()}
             axes.hlines(place, *like, color=colour, lw=0.6)
             axes.hlines(place, *these, color=colour, lw=1.8)
             axes.plot(value[order], place, "o", color=colour, ms=3.2, zorder=3)
@@ -55,9 +60,9 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         left.set_ylim(len(order) - 0.4, -0.6)
         left.set_title("mean" if count == len(order) else f"best {len(order)} of {count}: mean")
         right.set_title("minus the best")
-        drawn.supxlabel(f"{metric_label(metric)}; 95 % intervals:\nthick, these objects; thin, "
-                        "objects like these" + (" (cut at the frame)" if cut else "")
-                        + (f"\n{keys}" if keys else ""),
+        of = "; ".join(sorted(drawn_of, key=[THICK, THIN].index))
+        drawn.supxlabel(metric_label(metric) + (f"; 95 % intervals:\n{of}" if of else "")
+                        + (" (cut at the frame)" if cut else "") + (f"\n{keys}" if keys else ""),
                         fontsize=7.0)
     return drawn
 

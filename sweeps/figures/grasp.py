@@ -8,7 +8,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from sweeps.figures.replay_frames import PALM_M, Frame, Replay, segment_pose
-from sweeps.figures.solids import direction, lit, set_box
+from sweeps.figures.solids import direction, keep_labels_inside, lit, set_box
 from sweeps.figures.style import COLUMN_IN, cut, drawing, figure
 from sweeps.spec.errors import StoreError
 
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 _BODY, _LINK, _FELT, _CONTACT = "#dcd6c4", "#6d8ab8", "#D55E00", "#111111"
 _DOT_M = 0.0022
 _WRIST_RADIUS_M, _WRIST_LENGTH_M = 0.03, 0.06
+ZOOM = 0.84
 ELEVATION_DEG, LIGHT_DEG = 18.0, 35.0
 """Of the eye above the floor; of the light aside of the eye, half as much more above the floor."""
 
@@ -51,9 +52,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     corners = 1e3 * (np.concatenate([frame.fingers_m.reshape(-1, 3), replay.body_m]) - foot)
     half = 1.1 * np.abs(corners[:, :2]).max()
     tall = 1.1 * corners[:, 2].max()
-    # A tall box is drawn smaller, to keep the floor's labels out of the legend.
-    set_box(axes, np.array([-half, -half, 0.0]), np.array([half, half, tall]),
-            0.84 if tall < 2.0 * half else 0.76, (3, 3, 3))
+    set_box(axes, np.array([-half, -half, 0.0]), np.array([half, half, tall]), ZOOM, (3, 3, 3))
     axes.zaxis.labelpad = 6.0
     axes.view_init(ELEVATION_DEG, azimuth)
     axes.set_title(f"{cut(name)}: {frame.label}")
@@ -61,6 +60,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
         Patch(color=_LINK, label="hand"), Patch(color=_FELT, label="tip that feels"),
         Line2D([], [], ls="", marker="o", ms=2.5, color=_CONTACT, label="contacts so far")],
         loc="outside lower center", ncols=3)
+    keep_labels_inside(drawn, ZOOM)
     return drawn
 
 

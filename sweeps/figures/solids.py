@@ -1,13 +1,20 @@
 """Solids on three axes in millimetres and their outlines, as the figures of bodies share them."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 BODY, CONTACT, TRUE, FIT = "#9db7d5", "#b2182b", "#4d4d4d", "#2166ac"
 LIGHT = np.array([0.3, -0.6, 0.74])
 PIXELS = 384
 """Of the longer side of the picture that an outline is traced in."""
+SHRINK, MOST_SHRINKS = 0.97, 20
+"""How much smaller axes get at a time, and how often, for labels that would be cut off."""
+EDGE_PX = 2.0
+"""At the border of a figure of 100 dots per inch, where no label may be."""
 _EDGE = 4
 """Pixels around the body, so that its outline closes."""
 _SMOOTH = 1.0
@@ -79,6 +86,34 @@ def set_cube(axes: Any, cloud: np.ndarray, share: float, least_mm: float, zoom: 
     low, high = cloud.min(axis=0), cloud.max(axis=0)
     middle, half = (low + high) / 2, share * max((high - low).max(), least_mm)
     set_box(axes, middle - half, middle + half, zoom)
+
+
+def keep_labels_inside(drawn: "Figure", zoom: float) -> None:
+    """Zooms all axes of a figure that holds nothing else, smaller until no label is cut off or lies
+    in the legend below."""
+    every: list[Any] = drawn.axes
+    for shrunk in zoom * SHRINK ** np.arange(MOST_SHRINKS):
+        for axes in every:
+            sides = [np.ptp(ends) for ends in (axes.get_xlim(), axes.get_ylim(), axes.get_zlim())]
+            axes.set_box_aspect(sides, zoom=shrunk)
+        drawn.draw_without_rendering()
+        if _labels_inside(drawn):
+            return
+
+
+def _labels_inside(drawn: "Figure") -> bool:
+    """Whether all axes' labels and numbers lie in the figure as it was drawn last. Axes that are
+    off have no labels."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    pen = FigureCanvasAgg(drawn).get_renderer()
+    floor = max((legend.get_window_extent(pen).y1 for legend in drawn.legends), default=EDGE_PX)
+    every: list[Any] = drawn.axes
+    found = [axis.get_tightbbox(pen) for axes in every if axes.get_zlabel()
+             for axis in (axes.xaxis, axes.yaxis, axes.zaxis)]
+    right, top = drawn.bbox.x1 - EDGE_PX, drawn.bbox.y1 - EDGE_PX
+    return all(box.x0 >= EDGE_PX and box.x1 <= right and box.y0 >= floor and box.y1 <= top
+               for box in found if box is not None)
 
 
 def silhouette(faces: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -50,8 +50,9 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
             outcome = run_course(course.whole, store, options, further, engine, address)
         except KeyboardInterrupt:
             if course.race.looks:
-                _write(folder, verdict_of(course.race, course.units))
-                say(f"so far: {claim(verdict_of(course.race, course.units))}")
+                found = verdict_of(course.race, course.units)
+                _write(folder, found)
+                say(f"so far: {claim(found)}; {found.labels[found.last.leader]} leads")
             raise
         if isinstance(course, SearchCourse) and course.proposed:
             write_atomic(folder / "search.csv", search_table(course).csv())

@@ -138,10 +138,8 @@ def _pictures(
 def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, Any]:
     """The content of `shape.json`: the recovered models, the chosen one, and its scores."""
     scores, belief = block.scores, block.exploration.belief
-    shape = Shape(int(block.recovered.shape[world]))
     name = str(model_names(block.recovered, cell.fit)[world])
     pose = block.truth.body_pose[world]
-    replaced = None if block.rebuilt is None else block.rebuilt.made
     return {
         "object": cell.object_name,
         "strategy": cell.strategy.name,
@@ -152,10 +150,7 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "models": list(_models(cell, block, world)),
         "chosen": block.rebuilt.name_of(world) if block.rebuilt and mesh_of_world(block, world)
         else name,
-        "interval": {key: None if np.isnan(values[world]) or shape == Shape.PRIOR
-                     else float(values[world])
-                     for key, values in interval_columns(belief, block.recovered,
-                                                         replaced).items()},
+        "interval": _interval(block, world),
         "recognized_as": str(block.recognition.name[world]) or None,
         "recognized_by": str(block.recognition.way[world]) or None,
         "recognized_probability": (float(block.recognition.probability[world])
@@ -177,6 +172,23 @@ def shape_record(cell: Cell, block: EpisodeBlock, world: int = 0) -> dict[str, A
         "worse_than_prior": str(block.worse_than_prior[world]),
         "grid_error_mm": block.body.grid_error_m * 1e3,
     }
+
+
+def _interval(block: EpisodeBlock, world: int) -> dict[str, float | bool | None]:
+    """The 90 % interval of the chosen body's volume, and what tells of trust in it; None where
+    that is not known."""
+    rebuilt = block.rebuilt
+    columns = interval_columns(block.exploration.belief, block.recovered,
+                               None if rebuilt is None else rebuilt.made)
+    prior = block.recovered.shape[world] == Shape.PRIOR
+    found = {name: None if prior or np.isnan(values[world]) else values[world].item()
+             for name, values in columns.items()}
+    if rebuilt is not None and mesh_of_world(block, world) is not None:
+        volume = rebuilt.volume(world)
+        if volume is not None:
+            low, high = volume.interval_m3()[0].tolist()
+            found |= {"volume_low_m3": low, "volume_high_m3": high}
+    return found
 
 
 def _models(cell: Cell, block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
@@ -234,9 +246,7 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         fit, about = rebuilt.forms[world].fit, rebuilt.forms[world].about
         if about.superquadric is not None:
             found["about"], = _superquadrics(about.superquadric)
-        low, high = volume.interval_m3()[0].tolist()
         found["parameters"] |= {
-            "volume_low_m3": low, "volume_high_m3": high,
             "length_m": float(fit.length_m[0]), "amplitude_m": float(fit.amplitude_m[0]),
             "noise_m": float(fit.noise_sigma_m[0]),
             "surface_std_m": float(volume.surface_std_m[0].mean())}

@@ -14,7 +14,7 @@ from strategies.ready_made import REFERENCE
 from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
-from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.paired import Paired, interval_note, read_paired
 from sweeps.output import note, why_unwritable, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
@@ -58,9 +58,14 @@ def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
 
 def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
                 device: str = "cpu", workers: int = 1) -> bytes:
-    """The bytes of the page. Raises StoreError where no block of episodes is finished."""
+    """The bytes of the page. Raises StoreError where no block of episodes of a sweep is finished.
+    """
     board = make_leaderboard(plan, stores)
     paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
+    for folder in (store.folder for store in stores if not paired.objects):
+        if (folder / "race.csv").exists():
+            raise StoreError(f"{folder} holds a race, whose outcome is in its race.csv and "
+                             "race.svg; a report is of the episodes of a sweep")
     if not paired.objects:
         raise StoreError(f"{stores[0].folder}: no block of episodes is finished for every "
                          "strategy yet; `warpgrasp status` says how far it is")
@@ -112,6 +117,10 @@ def _rivals(board: Leaderboard) -> str:
 
 def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     notes = list(dict.fromkeys([*paired.notes, *shown.notes]))
+    if (option := interval_note(paired.over)) in notes:  # a page takes no options
+        notes[notes.index(option)] = ("where one interval is shown, it is of "
+                                      + ("these objects" if paired.over == "these" else
+                                         "objects like these"))
     at, name = board.header.index("failure_rate"), board.header.index("strategy")
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:

@@ -8,10 +8,20 @@ from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import HIGHER_IS_BETTER
 from sweeps.race.race_note import race_state, read_race_note
 from sweeps.race.race_units import RaceUnits
+from sweeps.race.verdict import amount
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
 from sweeps.watch.mean_error import mean_errors
-from sweeps.watch.state import Pace, Row, State, failed_units, failures_of, pace_facts, pace_of
+from sweeps.watch.state import (
+    Pace,
+    Row,
+    State,
+    failed_units,
+    failures_of,
+    pace_facts,
+    pace_of,
+    verdict_word,
+)
 from sweeps.watch.unit_rows import CURVES_OF, UnitReader
 
 ROWS = 100
@@ -49,7 +59,8 @@ class RaceView:
         counts = {name: sum(entry["verdict"] == name for entry in entries)
                   for name in ("open", "tied", "worse")}
         facts = [("state", race_state(found, pace.running)), ("episodes", f"{taken:,}"),
-                 ("still open", f"{counts['open']:,}"), ("tied", f"{counts['tied']:,}"),
+                 ("still open", f"{counts['open']:,}"),
+                 (verdict_word("tied"), f"{counts['tied']:,}"),
                  ("worse, out", f"{counts['worse']:,}"), *_of_this_rung(pace),
                  *pace_facts(pace, pace.total - pace.past)]
         return State(
@@ -57,7 +68,9 @@ class RaceView:
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,
             found["metric"],
             f"Bars begin at the lower bound of how much worse than the first an entry is. All "
-            f"bounds hold together, at every rung, {100 * found['confidence']:g} %.",
+            f"bounds hold together, at every rung, {100 * found['confidence']:g} %. Not better: "
+            "not known to be worse, but better by at most "
+            f"{amount(found['within'], found['metric'])}.",
             tuple(self._row(entry, first, found) for entry in entries[:ROWS]),
             max(0, len(entries) - ROWS),
             tuple((rung["replicates"], rung["taking"]) for rung in rungs),

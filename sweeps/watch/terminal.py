@@ -6,7 +6,7 @@ from pathlib import Path
 
 from sweeps.analysis.entries import check_metric
 from sweeps.text_table import number_text, print_table
-from sweeps.watch.state import Row, State
+from sweeps.watch.state import Row, State, verdict_word
 from sweeps.watch.view import View
 from warpgrasp.core.plain_text import on_one_line
 
@@ -40,7 +40,7 @@ HEADER = ("strategy", "mean", "low", "high", "behind", "verdict", "episodes", "t
 
 def _cells(row: Row) -> tuple[str, ...]:
     numbers = (row.mean, row.low, row.high, row.behind)
-    return (row.label, *(_text(value, 3) for value in numbers), row.verdict or "open",
+    return (row.label, *(_text(value, 3) for value in numbers), verdict_word(row.verdict),
             f"{row.episodes}", _text(row.touches, 1))
 
 

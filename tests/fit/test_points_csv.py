@@ -66,7 +66,15 @@ def test_metres_in_columns_of_millimetres_are_refused_unless_units_are_given(tmp
     ("x_m,y_m,z_m\n1,two,3\n4,5,six\n", "points.csv:2: y_m: 'two' is not a number"),
     ("x_m,y_m,z_m\n1,2\n", "points.csv:2: 2 cells, should be 3"),
     ("x_m,y_m,z_m\n", "points.csv:2: no points"),
-    ("", "points.csv:1: x_m: column is missing; there are: none"),
+    ("", "points.csv:1: x_m, x_cm or x_mm: column is missing; there are: none"),
+    ("x,y,z\n1,2,3\n", "there are: x, y, z. Columns x, y, z need --units m, cm or mm"),
+    ("X_mm,Y_mm,Z_mm\n1,2,3\n", "points.csv:1: x_m, x_cm or x_mm: column is missing; there are: X"),
+    ("x_mm;y_mm;z_mm\n1;2;3\n", "separated by commas, not by semicolons"),
+    ("x_mm\ty_mm\tz_mm\n1\t2\t3\n", "separated by commas, not by tabs"),
+    ("# of a mug\nx_mm,y_mm,z_mm\n1,2,3\n", "delete comments above them"),
+    ("x_mm,y_mm,z_mm\n1,2,?\n", "z_mm: '?' is not a number; write millimetres such as 42.5"),
+    ("x_m,y_m,z_m,nx,ny,nz\n1,2,3,0,0,?\n", "nz: '?' is not a number; write a number such as"),
+    ("x_m,y_m,z_m\n1,,3\nNA,5,6\n", "points.csv:2: no points"),
     ("x_m,y_m,z_m,nx\n1,2,3,0\n", "points.csv:1: nx: a normal needs all of nx, ny, nz"),
 ])
 def test_mistakes_name_the_line(tmp_path, text, said) -> None:
@@ -75,6 +83,31 @@ def test_mistakes_name_the_line(tmp_path, text, said) -> None:
     with pytest.raises(PointsError) as error:
         read_points(path)
     assert said in str(error.value)
+
+
+@pytest.mark.parametrize(("unit", "scale"), [("m", 1.0), ("cm", 0.01), ("mm", 0.001)])
+def test_plain_columns_with_a_unit_given(tmp_path, unit, scale) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("x,y,z\n1,2,3\n4,5,6\n")
+    assert np.allclose(read_points(path, units=unit).points[0], scale * np.array([
+        [1, 2, 3], [4, 5, 6]]))
+    path.write_text("x,y\n1,2\n")
+    with pytest.raises(PointsError, match="1: z: column is missing"):
+        read_points(path, units=unit)
+
+
+@pytest.mark.parametrize("cell", ["", " ", "NA", "na", "NaN", "nan"])
+def test_touches_without_a_coordinate_are_left_out(tmp_path, cell) -> None:
+    path = tmp_path / "points.csv"
+    path.write_text("set,x_m,y_m,z_m,nx,ny,nz\n"
+                    f"a,1,2,3,0,0,1\na,4,{cell},6,0,0,1\nb,{cell},8,9,0,0,1\na,7,8,9,,,\n")
+    sets = read_points(path, units="m")
+    assert sets.names == ("a", "b")
+    assert sets.left_out == (1, 1)
+    assert sets.mask.tolist() == [[True, True], [False, False]]
+    assert sets.points[0].tolist() == [[1, 2, 3], [7, 8, 9]]
+    assert sets.normals is not None
+    assert sets.normals[0, 0].tolist() == [0, 0, 1]
 
 
 def test_every_mistake_at_once(tmp_path) -> None:

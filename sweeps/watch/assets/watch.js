@@ -20,6 +20,8 @@ function mark(name, attributes, text) {
 
 // Swept keys of strategies are most of a label; the whole of it is the cell's title.
 const short = label => label.replaceAll(/([[ ])strategy\./g, "$1");
+// As in `verdict_word`: a tied entry may be far behind.
+const verdictWord = verdict => verdict === "tied" ? "not better" : verdict || "open";
 const number = (value, digits) => value === null ? "" : value.toFixed(digits);
 const count = value => value.toLocaleString("en");
 
@@ -51,7 +53,7 @@ function drawBoard(state) {
     node("td", {}, `${n + 1}`), node("th", {scope: "row", title: row.label}, short(row.label)),
     node("td", {}, number(row.mean, 3)), node("td", {class: "plot"}, forest(row, scale)),
     node("td", {}, n ? number(row.behind, 3) : ""),
-    node("td", {class: "text"}, node("span", {class: "tag"}, row.verdict || "open")),
+    node("td", {class: "text"}, node("span", {class: "tag"}, verdictWord(row.verdict))),
     node("td", {}, count(row.episodes)), node("td", {}, number(row.touches, 1)))));
   at("more").textContent = state.more ? `and ${count(state.more)} more` : "";
 }

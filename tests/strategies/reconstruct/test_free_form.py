@@ -15,6 +15,7 @@ from strategies.recovery.contact_verdict import mean_gap_to_mesh, unexplained
 from strategies.recovery.free_contacts import believed_freely, fitted_freely
 from strategies.recovery.misfit import FARTHEST_M
 from sweeps.episode.episodes import EpisodeBlock, run_block, run_episodes
+from sweeps.report.episode_files import shape_record
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.families import family_table
 from warpgrasp.parameters import FitTable
@@ -64,6 +65,17 @@ def test_planners_may_ask_for_the_free_form_that_is_made() -> None:
     assert (asked.points_m == form.fit.points_m).all()
     with pytest.raises(ValueError, match="does not say where contacts were felt"):
         believed_freely(replace(block.exploration.belief, unplaced=None), 0)
+
+
+def test_the_record_of_a_free_form_has_its_interval_once() -> None:
+    short = replace(cell("bowl-2"), strategy=replace(STRATEGIES["any-object"], touches=16),
+                    fit=FitTable(reconstruct="implicit"))
+    record = shape_record(short, run_block(short, np.arange(1), "cpu"))
+    assert record["chosen"] == "implicit"
+    parameters, interval = record["models"][0]["parameters"], record["interval"]
+    assert interval["volume_low_m3"] < parameters["volume_m3"] < interval["volume_high_m3"]
+    assert not {"volume_low_m3", "volume_high_m3"} & set(parameters)
+    assert interval["interval_trusted"] is False
 
 
 def test_a_free_form_that_contacts_lie_off_does_not_stand(

@@ -91,6 +91,21 @@ def test_a_sweep_ends_with_its_leaderboard(
     assert "seed: 7 -> 8" in capsys.readouterr().err
 
 
+def test_a_printed_leaderboard_has_the_interval_that_is_known(
+        swept: tuple[Path, Path], capsys: pytest.CaptureFixture[str]) -> None:
+    """Of one object that is the interval of these objects."""
+    _, out = swept
+    for more, kind in (([], "ci"), (["--over", "these"], "these"), (["--over", "like-these"], "ci"),
+                       (["--by", "strategy,object"], "these")):
+        assert cli.run(["leaderboard", str(out), *more]) == 0
+        header, first = [line.split() for line in capsys.readouterr().out.splitlines()[:2]]
+        assert header[2:5] == ["chamfer_mm", f"chamfer_mm_{kind}_low", f"chamfer_mm_{kind}_high"]
+        assert "NA" not in first[-9:-7]
+    assert cli.run(["leaderboard", str(out), "--json"]) == 0
+    columns = {*json.loads(capsys.readouterr().out)[0]}
+    assert {"chamfer_mm_ci_low", "chamfer_mm_these_low"} <= columns
+
+
 def test_what_a_study_keeps_is_run_again_from_it_alone(
         tmp_path: Path, fake: None, capsys: pytest.CaptureFixture[str]) -> None:
     """Its spec used to lack what --set said, and to find its files only where they had been."""

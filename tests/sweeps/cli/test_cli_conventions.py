@@ -50,6 +50,18 @@ def test_help_and_completion_know_every_kind() -> None:
     assert set(get_args(look.FigureKind)) == set(figures.KINDS)
 
 
+@pytest.mark.parametrize(("command", "arguments"), [
+    ("explore", " OBJECT\n"), ("table", " DIR... KIND\n"), ("figure", " DIR... KIND\n"),
+    ("leaderboard", " DIR...\n"), ("rows", " DIR...\n"), ("report", " DIR...\n"),
+    ("show", " DIR...\n"), ("bench", " [OPTIONS]\n")])
+def test_help_names_what_a_user_gives(command: str, arguments: str,
+                                      capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run([command, "--help"]) == 0
+    said = capsys.readouterr().out
+    assert arguments in said
+    assert "--empty-only" not in said
+
+
 @pytest.mark.parametrize(("words", "expected"), [
     (["warpgrasp", "lead"], "leaderboard"), (["warpgrasp", "table", "x", "--ag"], "--against"),
     (["warpgrasp", "table", "x", "par"], "pareto")])

@@ -41,11 +41,11 @@ def read(path: Path) -> tuple[list[str], list[dict[str, str]]]:
 
 @pytest.fixture
 def points(tmp_path: Path) -> Path:
-    """Two good sets, and between them a flat one, one with NaN and one of three touches."""
-    good, nan = touches(1), touches(2)
-    nan[5, 1] = np.nan
+    """Two good sets, and between them a flat one, one with infinity and one of three touches."""
+    good, inf = touches(1), touches(2)
+    inf[5, 1] = np.inf
     return write(tmp_path / "points.csv", {
-        "a": good, "flat": good * [1, 1, 0], "nan": nan, "few": good[:3], "b": touches(3)})
+        "a": good, "flat": good * [1, 1, 0], "inf": inf, "few": good[:3], "b": touches(3)})
 
 
 def test_superquadrics_and_what_became_of_bad_sets(
@@ -58,7 +58,7 @@ def test_superquadrics_and_what_became_of_bad_sets(
     assert "5 sets: 2 converged, 1 degenerate_plane, 1 bad_points, 1 too_few" in printed.err
     header, rows = read(out)
     assert header == SUPERQUADRIC
-    assert [row["set"] for row in rows] == ["a", "flat", "nan", "few", "b"]
+    assert [row["set"] for row in rows] == ["a", "flat", "inf", "few", "b"]
     for row in (rows[0], rows[4]):
         assert float(row["a3_m"]) == pytest.approx(0.05, abs=2e-3)
         assert (float(row["eps1"]), float(row["eps2"])) == pytest.approx((0.1, 1.0), abs=0.15)
@@ -92,7 +92,7 @@ def test_planes_and_revolutions(tmp_path: Path, points: Path) -> None:
     assert float(rows[0]["volume_m3"]) == pytest.approx(np.pi * 0.03**2 * 0.1, rel=0.05)
     header, nodes = read(tmp_path / "round.profile.csv")
     assert header == ["set", "z_m", "radius_m", "radius_std_m"]
-    assert [node["set"] for node in nodes[::8]] == ["a", "flat", "nan", "few", "b"]
+    assert [node["set"] for node in nodes[::8]] == ["a", "flat", "inf", "few", "b"]
     assert float(nodes[4]["radius_m"]) == pytest.approx(0.03, abs=2e-3)
 
 
@@ -173,6 +173,41 @@ def test_one_set_below_the_table_is_told_and_the_others_fitted(
     assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]) == 0
     assert "touches of low lie below it" in capsys.readouterr().err
     assert [row["set"] for row in read(out)[1]] == ["a", "low"]
+
+
+def test_touches_without_a_coordinate_are_left_out_and_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    holes, lost = touches(1), touches(2)
+    holes[[5, 9], 1] = np.nan
+    lost[:] = np.nan
+    out, alone = tmp_path / "fits.csv", tmp_path / "alone.csv"
+    points = write(tmp_path / "points.csv", {"a": holes, "lost": lost})
+    assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]) == 0
+    said = capsys.readouterr().err
+    assert "touches with a missing coordinate are left out: 2 of a, 60 of lost\n" in said
+    header, rows = read(out)
+    assert [(row["n"], row["status"]) for row in rows] == [("58", "converged"),
+                                                           ("0", "too_few_points")]
+    whole = write(tmp_path / "whole.csv", {"a": np.delete(touches(1), [5, 9], axis=0)})
+    assert cli.run(["fit", "superquadric", str(whole), "--table-z", "0", "-o", str(alone)]) == 0
+    assert read(alone) == (header, rows[:1])
+
+
+def test_fits_far_off_their_touches_come_with_advice(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    two = np.concatenate([touches(1), touches(2) + [0.12, 0.0, 0.0]])  # bodies side by side
+    arguments = ["fit", "superquadric", str(write(tmp_path / "p.csv", {"two": two})),
+                 "--table-z", "0", "-o", str(tmp_path / "fits.csv")]
+    assert cli.run(arguments) == 0
+    said = capsys.readouterr().err
+    assert said.startswith("1 set: ")
+    assert "(rms): two (" in said
+    assert "try --robust; if the body is no superquadric, a free form" in said
+    assert cli.run([*arguments, "--robust"]) == 0
+    assert "try --robust" not in capsys.readouterr().err
+    write(tmp_path / "p.csv", {"one": touches(1)})
+    assert cli.run(arguments) == 0
+    assert capsys.readouterr().err == "1 set: 1 converged\n"
 
 
 def test_a_name_is_no_formula(tmp_path: Path) -> None:

@@ -111,6 +111,10 @@ def test_explore_writes_contacts_shape_and_a_figure(tmp_path: Path) -> None:
     shape = json.loads((tmp_path / "shape.json").read_text())
     assert shape["chosen"] in ("tapered_superquadric", "prior")
     assert 0.0 <= shape["metrics"]["iou"] <= 1.0
+    known = shape["chosen"] != "prior"
+    for name in ("interval_trusted", "model_adequate"):
+        assert shape["interval"][name] in ((True, False) if known else (None,))
+        assert not isinstance(shape["interval"][name], float)
     assert (tmp_path / "contacts.png").read_bytes().startswith(b"\x89PNG")
 
 

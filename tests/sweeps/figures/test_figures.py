@@ -97,6 +97,16 @@ def test_one_episode_is_drawn_without_intervals(tmp_path: Path, kind: str) -> No
     looks_right(KINDS[kind](Asked(plan, [store])))
 
 
+def test_a_forest_explains_the_lines_that_it_has(tmp_path: Path) -> None:
+    for objects, episodes, thick, thin in ((1, 1, False, False), (1, 4, True, False),
+                                           (3, 4, True, True)):
+        plan, store = wide_study(tmp_path / f"{objects}-{episodes}",
+                                 wide_text(2, objects, episodes))
+        said = KINDS["forest"](Asked(plan, [store])).get_supxlabel()
+        assert ("thick" in said, "thin" in said) == (thick, thin)
+        assert ("intervals" in said) == thick
+
+
 def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
 

@@ -27,7 +27,8 @@ def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
 
 
 @pytest.mark.parametrize(("entries", "rules"), [
-    (2, Rules(0.5)), pytest.param(5, Rules(0.25), marks=pytest.mark.slow), (200, Rules(1.0)),
+    (2, Rules(0.5)), (4, Rules(1.0, budget=288)),
+    pytest.param(5, Rules(0.25), marks=pytest.mark.slow), (200, Rules(1.0)),
     pytest.param(200, Rules(0.05, budget=4000), marks=pytest.mark.slow)])
 def test_the_picture_is_legible(entries: int, rules: Rules) -> None:
     found = verdict(entries, rules)
@@ -35,6 +36,23 @@ def test_the_picture_is_legible(entries: int, rules: Rules) -> None:
     looks_right(drawn)
     assert any(claim(found) in text for text, _ in texts(drawn))
     assert encode(draw_race(found), "svg") == encode(draw_race(found), "svg")
+
+
+def test_ticks_of_a_small_race_are_its_rungs() -> None:
+    found = verdict(4, Rules(1.0, budget=4 * 6 * 12))
+    upper, lower = draw_race(found).axes
+    rungs = [int(look.replicates.max()) for look in found.looks]
+    assert len(rungs) > 1
+    assert [int(label.get_text()) for label in lower.get_xticklabels()] == rungs
+    assert "4" in [label.get_text() for label in upper.get_yticklabels()]
+    highest = float(found.last.difference.max())
+    ticks = lower.get_yticks()
+    assert ticks[-1] >= highest
+    assert sum(ticks > 0.0) > 2
+    for axes in (upper, lower):
+        assert "log scale" in axes.get_ylabel()
+    assert "log scale" in lower.get_xlabel()
+    assert "chamfer distance [mm]" in lower.get_ylabel()
 
 
 def test_a_table_ranks_by_the_difference_to_the_winner() -> None:

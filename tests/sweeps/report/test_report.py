@@ -138,6 +138,8 @@ def test_numbers_are_the_leaderboards(study: tuple[Plan, Store]) -> None:
     assert "episodes_per_cell = 8" in text
     assert study[0].hash in text
     assert "these objects with other episodes" in text
+    assert "where one interval is shown, it is of objects like these" in text
+    assert "--over" not in text
 
 
 def test_best_median_and_worst(study: tuple[Plan, Store]) -> None:

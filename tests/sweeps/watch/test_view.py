@@ -23,6 +23,7 @@ from sweeps.run.worker import run_units
 from sweeps.spec.errors import StoreError
 from sweeps.watch.any_time import alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
+from sweeps.watch.terminal import _cells, as_text
 from sweeps.watch.view import View
 
 SPEC = """\
@@ -197,7 +198,8 @@ def test_episodes_that_were_fitted_once_have_no_curve() -> None:
     assert mean_errors([]) == []
 
 
-def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                           capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
     assert cli.run(["race", str(spec), "-o", str(out), "--within", "0.3"]) == 0
@@ -219,6 +221,12 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     assert note is not None
     assert sum(note["statuses"].values()) == sum(row.episodes for row in state.rows)
     assert json.loads(View(out, "iou").json())["kind"] == "race"
+    told = as_text(state) + "".join(str(_cells(row)[5]) for row in state.rows)
+    assert "tied" not in told  # such an entry may be far behind
+    assert "not better" in told
+    capsys.readouterr()
+    assert cli.run(["report", str(out), "-o", str(tmp_path / "r.html")]) == 2
+    assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
 
 
 def test_what_was_worked_on_last_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,

@@ -1,0 +1,55 @@
+"""Labels of axes in space lie in the figure, whatever is drawn."""
+
+import io
+
+import numpy as np
+import pytest
+import trimesh
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from PIL import Image
+from scipy.spatial.transform import Rotation
+
+from fit.plane import fit_plane
+from fit.points_csv import PointSets
+from sweeps.figures.fits import draw_fits
+from sweeps.figures.grasp import grasp_figure
+from sweeps.figures.replay_frames import Frame, Replay
+
+
+@pytest.mark.parametrize("count", [1, 2, 5])
+@pytest.mark.parametrize("height_m", [0.001, 0.05])
+def test_nothing_is_cut_off_at_the_border_of_fits(count: int, height_m: float) -> None:
+    draw = np.random.default_rng(0)
+    points = draw.normal(size=(count, 40, 3))
+    points *= [0.05, 0.05, height_m] / np.linalg.norm(points, axis=2, keepdims=True)
+    sets = PointSets(tuple(f"set {n}" for n in range(count)), points + [0.45, 0.0, 0.2],
+                     np.ones((count, 40), bool), None)
+    drawn = draw_fits(sets, fit_plane(sets.points, sets.mask), "png")
+    picture = np.asarray(Image.open(io.BytesIO(drawn)).convert("L"))
+    assert picture.min() < 128
+    for border in (picture[:2], picture[-2:], picture[:, :2], picture[:, -2:]):
+        assert (border == 255).all()
+
+
+def upright_hand() -> Replay:
+    """A finger far above a cylinder, which makes the box narrow and tall."""
+    finger = np.array([[[0.45, 0.0, height] for height in (0.3, 0.25, 0.2)]])
+    body = trimesh.creation.cylinder(0.03, 0.1).apply_translation([0.45, 0.0, 0.05])
+    frame = Frame(np.array([[0.0, 0.0, 0.0], [0.45, 0.0, 0.32]]),
+                  Rotation.from_euler("y", 180.0, degrees=True).as_quat(), finger, np.ones(1),
+                  1, -1, "grasp 1")
+    return Replay("", (frame,), np.array([[0.45, 0.0, 0.1]]), (), np.array(body.vertices),
+                  np.array(body.faces), 0.008)
+
+
+def test_labels_of_a_grasp_lie_above_its_legend() -> None:
+    drawn = grasp_figure(upright_hand(), "ring6 on a cylinder")
+    drawn.draw_without_rendering()
+    pen = FigureCanvasAgg(drawn).get_renderer()
+    legend = drawn.legends[0].get_window_extent(pen)
+    axes = drawn.axes[0]
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):  # type: ignore[attr-defined]
+        label = axis.label.get_window_extent(pen)
+        assert label.y0 >= legend.y1
+        assert label.x0 >= 0.0
+        assert label.x1 <= drawn.bbox.x1
