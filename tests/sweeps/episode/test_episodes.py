@@ -14,9 +14,10 @@ from strategies.recognition.answers import ALIGNMENT, NONE
 from strategies.strategy import Strategy
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.episode.contact_rows import COLUMNS
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
 from sweeps.episode.recognition_columns import right_answers
-from sweeps.report.episode_files import COLUMNS, explore
+from sweeps.report.episode_files import explore
 from sweeps.run.plan import plan_study
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_unit
