@@ -372,5 +372,6 @@ def _notes(plan: Plan, missing: int, count: int) -> Iterator[str]:
         yield (f"{missing} of {plan.unit_count} units are missing; blocks of episodes that not "
                "every entry has are left out")
     if count < MANY_OBJECTS:
-        yield (f"{'one object' if count == 1 else f'{count} objects'} a ranking: how entries "
-               f"would do on other objects is hardly known below {MANY_OBJECTS}")
+        of = "one object" if count == 1 else f"{count} objects"
+        yield (f"the ranking is of {of}: how entries would do on others is hardly known below "
+               f"{MANY_OBJECTS}")

@@ -89,7 +89,7 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
 def _left_out(sets: PointSets) -> str:
     """Which sets have touches with a missing coordinate, and how many."""
     return "touches with a missing coordinate are left out: " + _named(
-        [f"{count} of {name}" for name, count in zip(sets.names, sets.left_out, strict=True)
+        [f"{count} of set {name}" for name, count in zip(sets.names, sets.left_out, strict=True)
          if count])
 
 

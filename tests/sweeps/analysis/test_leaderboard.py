@@ -214,7 +214,7 @@ def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: P
             assert row[key] == alone[key]
         assert float(row["chamfer_mm_these_low"]) < float(row["chamfer_mm_these_high"])
         assert row["chamfer_mm_ci_low"] == row["iou_ci_high"] == "NA"  # one object of many
-    assert "one object a ranking" in board.notes[1]
+    assert "the ranking is of one object" in board.notes[1]
 
 
 def test_notes_say_of_how_many_episodes_they_are() -> None:

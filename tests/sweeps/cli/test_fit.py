@@ -184,7 +184,7 @@ def test_touches_without_a_coordinate_are_left_out_and_told(
     points = write(tmp_path / "points.csv", {"a": holes, "lost": lost})
     assert cli.run(["fit", "superquadric", str(points), "--table-z", "0", "-o", str(out)]) == 0
     said = capsys.readouterr().err
-    assert "touches with a missing coordinate are left out: 2 of a, 60 of lost\n" in said
+    assert "touches with a missing coordinate are left out: 2 of set a, 60 of set lost\n" in said
     header, rows = read(out)
     assert [(row["n"], row["status"]) for row in rows] == [("58", "converged"),
                                                            ("0", "too_few_points")]
