@@ -221,7 +221,8 @@ class _Follower:
         self.reason[left] = EndReason.START_BLOCKED
 
     def _retreat(self) -> None:
-        """The open hand goes out as it came in: from there the arm goes elsewhere."""
+        """The open hand goes out as it came in, as far as the arm reaches: from there the arm goes
+        elsewhere. At the end of a tall object that is short, and nothing is in the way."""
         rows = np.flatnonzero(np.isfinite(self.last[:, 0]))
         if len(rows) == 0:
             return

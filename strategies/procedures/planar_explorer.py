@@ -166,7 +166,7 @@ class _Explorer:
                 _Phase.LOWER: self._look_further, _Phase.FURTHER: self._edge,
                 _Phase.LEAVE: self._rise_and_go_over, _Phase.OVER: self._come_down,
                 _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first,
-                _Phase.LEAVE_FACE: self._retreat, _Phase.RETREAT: self._finish}.items():
+                _Phase.LEAVE_FACE: self._retreat, _Phase.RETREAT: self._retreated}.items():
             mine = (phase == now) & ~strange
             if mine.any():
                 go_on(rows[mine], status[mine])
@@ -337,15 +337,29 @@ class _Explorer:
         """Off the face and to a retreat, if the hand is there at all."""
         self.ending[rows] = why
         if why in (EndReason.UNREACHABLE, EndReason.START_BLOCKED):
-            self._finish(rows, rows)
+            self._finish(rows)
         else:
             self._plan_release(_Phase.LEAVE_FACE, rows)
 
     def _retreat(self, rows: np.ndarray, _: np.ndarray) -> None:
+        self.tries[rows] = 0
+        self.place[rows] += self.axes[rows, 2] * self.o.clear_m
+        self._plan_retreat(rows)
+
+    def _plan_retreat(self, rows: np.ndarray) -> None:
         forward = matrix_of_quaternion(self.turn[rows])[:, :, 2]
         self._plan_travel(_Phase.RETREAT, rows, -RETREAT_M * forward)
 
-    def _finish(self, rows: np.ndarray, _: np.ndarray) -> None:
+    def _retreated(self, rows: np.ndarray, status: np.ndarray) -> None:
+        """Where something is met, from farther off the face; at last the hand stays there."""
+        met = np.isin(status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED, ProbeStatus.COLLISION))
+        again = met & (self.tries[rows] < _TRIES)
+        self.tries[rows[again]] += 1
+        self.place[rows[again]] += self.axes[rows[again], 2] * _OVER_M
+        self._plan_retreat(rows[again])
+        self._finish(rows[~again])
+
+    def _finish(self, rows: np.ndarray) -> None:
         self.reason[rows] = self.ending[rows]
 
 

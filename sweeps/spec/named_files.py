@@ -1,7 +1,7 @@
 """Files of the user's that a spec names: each is found, read once, and its name made absolute.
 
-A study keeps copies, and beside the `spec.toml` that it keeps they are taken where the files are
-missing, so that its directory can be given away.
+A study keeps copies, and beside the `spec.toml` that it keeps they are taken, so that its directory
+can be given away.
 
 `[fit] reconstruct` is a word, or a function in a file; `[recognition] models` is a file that
 `warpgrasp learn` wrote. `arm = "ur5e"`, an arm that ships or a TOML file, stands in place of
@@ -45,16 +45,16 @@ class NoFile(ValueError):
 
 def named_file(value: Any, base_dir: Path, limit: int) -> Path:
     """The file a spec names, relative to the spec, made absolute; beside the spec that a study
-    keeps, the copy that it has of it. Raises NoFile.
+    keeps, the copy that it has. Raises NoFile.
 
     Devices, pipes and the endless files of /proc, which say that they are empty, are refused.
     """
     if not isinstance(value, str) or not value:
         raise NoFile(f"is {short(value)}; should be a file")
     try:
-        file = (base_dir / value).resolve()
+        file = kept_file(value, base_dir) or _absolute(base_dir / value)
         if not file.is_file():
-            file = kept_file(value, base_dir)
+            raise FileNotFoundError(file)
         size = file.stat().st_size
     except (OSError, ValueError, RuntimeError):
         raise NoFile(f"{short(value)} is not a file; relative to the spec that is "
@@ -64,6 +64,12 @@ def named_file(value: Any, base_dir: Path, limit: int) -> Path:
     if size > limit:
         raise NoFile(f"{short(value)} is larger than {limit >> 20} MiB, the limit")
     return file
+
+
+def _absolute(file: Path) -> Path:
+    """The whole path, by the links that the spec names, unless `..` leads elsewhere by them."""
+    plain, true = Path(os.path.abspath(file)), file.resolve()
+    return plain if plain.resolve() == true else true
 
 
 def kept_files(base_dir: Path) -> dict[str, str]:
@@ -85,26 +91,26 @@ def _json(file: Path) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def kept_file(name: str, base_dir: Path) -> Path:
-    """The copy of a file that the spec names. Raises OSError where there is none."""
-    try:
-        return (base_dir / kept_files(base_dir)[os.path.normpath(name)]).resolve()
-    except KeyError:
-        raise FileNotFoundError(name) from None
+def kept_file(name: str, base_dir: Path) -> Path | None:
+    """The copy of a file that the spec names, if a study keeps the spec and one."""
+    copy = kept_files(base_dir).get(os.path.normpath(name))
+    return (base_dir / copy).resolve() if copy else None
 
 
 def kept_matching(pattern: str, base_dir: Path) -> list[Path]:
     """The copies of the files that a pattern stood for, in the order of their names."""
-    wanted = PurePath(os.path.normpath(pattern)).parts
-    return [(base_dir / copy).resolve() for name, copy in sorted(kept_files(base_dir).items())
-            if _matches(PurePath(name).parts, wanted)]
+    wanted = PurePath(os.path.normpath(pattern))
+    kept = {PurePath(name): copy for name, copy in kept_files(base_dir).items()}
+    return [(base_dir / kept[name]).resolve() for name in sorted(kept)
+            if name.is_absolute() == wanted.is_absolute() and _matches(name.parts, wanted.parts)]
 
 
 def _matches(parts: Sequence[str], wanted: Sequence[str]) -> bool:
     if not wanted:
         return not parts
     if wanted[0] == "**":
-        return _matches(parts, wanted[1:]) or (bool(parts) and _matches(parts[1:], wanted))
+        inside = bool(parts) and parts[0] != os.pardir
+        return _matches(parts, wanted[1:]) or (inside and _matches(parts[1:], wanted))
     return (bool(parts) and fnmatchcase(parts[0], wanted[0])
             and _matches(parts[1:], wanted[1:]))
 
@@ -112,16 +118,15 @@ def _matches(parts: Sequence[str], wanted: Sequence[str]) -> bool:
 def names_of(copies: Mapping[Path, str], base_dir: Path) -> dict[str, str]:
     """What `kept_files` will find: `copies` are those of the files read, by their whole paths.
 
-    A file has its name relative to the spec; one that lies elsewhere has its whole path, too. Of a
-    file that is itself a copy, what it was called before.
+    A file has its name relative to the spec, and its whole path. Of a file that is itself a copy,
+    what it was called before.
     """
     before: dict[Path, list[str]] = {}
     for name, copy in kept_files(base_dir).items():
         before.setdefault((base_dir / copy).resolve(), []).append(name)
     names: dict[str, str] = {}
     for file, copy in copies.items():
-        relative = os.path.relpath(file, base_dir)
-        own = [relative, str(file)] if relative.startswith(os.pardir) else [relative]
+        own = [os.path.relpath(file, base_dir), str(file)]
         names.update(dict.fromkeys(before.get(file, own), copy))
     return names
 

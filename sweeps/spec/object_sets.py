@@ -143,11 +143,12 @@ def _meshes(value: Mapping[str, Any], path: KeyPath, base_dir: Path,
     whole = Path(pattern)
     root = Path(whole.anchor) if whole.is_absolute() else base_dir
     try:
-        files = sorted(f for f in root.glob(str(whole.relative_to(whole.anchor))) if f.is_file())
+        # Beside the spec that a study keeps lie copies of other files, too.
+        files = kept_matching(pattern, base_dir) or sorted(
+            f for f in root.glob(str(whole.relative_to(whole.anchor))) if f.is_file())
     except (ValueError, OSError, NotImplementedError) as error:
         problems.add((*path, "meshes"), f"is {short(pattern)}; is no pattern of files: {error}")
         return
-    files = files or kept_matching(pattern, base_dir)
     if not files:
         problems.add((*path, "meshes"), f"no file matches {short(pattern)}; relative to the spec "
                      f"that is {short(str(root / pattern), 200)}")

@@ -57,7 +57,8 @@ def test_the_path_is_between_all_stations(name: str, explore: Callable) -> None:
 
 
 @pytest.mark.parametrize(("name", "explore"), [("block", cross_face),
-                                               ("large_cylinder", follow_cylinder)])
+                                               ("large_cylinder", follow_cylinder),
+                                               ("funnel", cross_face)])
 def test_it_ends_at_a_retreat(name: str, explore: Callable) -> None:
     """The hand stayed at its last touch, and went straight through the object to what followed."""
     robot = Robot([body_from_name(name)], np.zeros(1, int),

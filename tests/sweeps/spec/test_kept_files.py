@@ -14,6 +14,7 @@ SPEC = """\
 schema = 1
 objects = [{{ mesh = "m1/mesh.stl", units = "m", name = "one" }},
            {{ mesh = "./m2/mesh.stl", units = "m", name = "two" }},
+           {{ mesh = "other/mesh.stl", units = "m", name = "three" }},
            {{ meshes = "**/*.ply", units = "m" }}]
 [recognition]
 models = "models.json"
@@ -43,6 +44,7 @@ def make_study(folder: Path) -> Path:
     (given / "helper.py").write_text("def nothing():\n    return []\n")
     shutil.copy(SHIPPED, given / "models.json")
     (given / "named.toml").write_text(SPEC.format(far=far))
+    (given / "other").symlink_to(given / "m1")
     return given / "named.toml"
 
 
@@ -55,10 +57,12 @@ def opened(spec: Path, folder: Path) -> Plan:
 def test_a_study_is_read_where_none_of_its_files_are(tmp_path: Path) -> None:
     """Files of poses and models, two of one name, and patterns had to be put beside it again."""
     plan = opened(make_study(tmp_path), tmp_path / "out")
-    assert len(plan.study.objects) == 4
+    assert len(plan.study.objects) == 5
     shutil.move(tmp_path / "out", tmp_path / "moved")
     shutil.rmtree(tmp_path / "given")
     shutil.rmtree(tmp_path / "far")
+    (tmp_path / "moved/m1").mkdir()  # another file of that name is not the study's
+    trimesh.creation.box((0.09, 0.05, 0.1)).export(tmp_path / "moved/m1/mesh.stl")
     again = opened(tmp_path / "moved/spec.toml", tmp_path / "moved")
     assert again.hash == plan.hash
     assert again.study.head.name == "named"  # and not that of the file it is kept in
