@@ -25,9 +25,9 @@ class Oracle:
     def __init__(self, tried: int = 10) -> None:
         """`tried`: candidates tried at each step, spread over all that are left. Raises ValueError.
         """
-        if not isinstance(tried, int) or isinstance(tried, bool) or tried < 1:
+        if not isinstance(tried, int | np.integer) or isinstance(tried, bool) or tried < 1:
             raise ValueError(f"tried is {tried!r}; should be a whole number from 1")
-        self.tried = tried
+        self.tried = int(tried)
         self.taken: np.ndarray | None = None
         self.foresee: Foresight | None = None
         self.error: Callable[[Recovered], np.ndarray] | None = None

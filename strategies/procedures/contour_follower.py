@@ -206,9 +206,7 @@ class _Follower:
                 finger=self.pair.fingers[0], commands_rad=self.pair.open_rad,
                 checked=sideways != o.sidesteps_m[0])
             self._spend(left, touch)
-            came = touch.status != ProbeStatus.UNREACHABLE
-            self.last[left[came]] = start[came]
-            self.last[left[came], :3] += (z * (touch.steps * interval)[:, None])[came]
+            self._stand(left, touch)
             stopped = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
             short = o.retreat_m - touch.steps * interval + _BACK_OFF_M
             # Almost there, something of the hand meets the object: a little less deep will do.
@@ -231,8 +229,14 @@ class _Follower:
         touch = self.robot.guarded_line(
             rows, self.last[rows], back, interval_m=interval,
             steps=round(self.o.retreat_m / interval), finger=self.pair.fingers[0],
-            commands_rad=self.pair.open_rad)
+            commands_rad=self.pair.open_rad, checked=True)
         self._spend(rows, touch)
+
+    def _stand(self, rows: np.ndarray, touch: LineTouch) -> None:
+        """Note where the hand is, in worlds where it came to where the line starts."""
+        came = (touch.steps > 0) | ~np.isin(touch.status, (ProbeStatus.UNREACHABLE,
+                                                           ProbeStatus.COLLISION))
+        self.last[rows[came]] = touch.hand_pose[came]
 
     def _spend(self, rows: np.ndarray, touch: LineTouch) -> None:
         self.touch_count[rows] += touch.is_touch
@@ -241,7 +245,7 @@ class _Follower:
 
     def _take_section(self, rows: np.ndarray) -> None:
         """Thumb, then index finger; what they found steers the hand to the next section."""
-        pose = self.last[rows] = self._pose(rows)
+        pose = self._pose(rows)
         thumb, index = (self._close(rows, pose, which) for which in (1, 0))
         status = np.stack([thumb.status, index.status], 1)
         low = np.stack([thumb.point_m[:, 2], index.point_m[:, 2]], 1) < TABLE_MARGIN_M
@@ -281,6 +285,7 @@ class _Follower:
             rows, pose, np.zeros((len(rows), 3)), interval_m=0.001, steps=commands.shape[1] - 1,
             finger=finger, commands_rad=commands, checked=True)
         self._spend(rows, touch)
+        self._stand(rows, touch)
         self.log.miss(rows, touch)
         noted = np.isin(touch.status, (ProbeStatus.CONTACT, ProbeStatus.BLOCKED))
         self.log.add(rows, touch, np.flatnonzero(noted), self.section[rows], finger,

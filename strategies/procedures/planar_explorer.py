@@ -120,7 +120,8 @@ class _Explorer:
         self.until = np.full(worlds, Until.CONTACT)
 
     def run(self) -> PlanarExploration:
-        self._approach(np.flatnonzero(self.reason == EndReason.GOING_ON))
+        if (going := np.flatnonzero(self.reason == EndReason.GOING_ON)).size:
+            self._approach(going)
         begun = False  # the way to the first line comes from a retreat
         while True:
             rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
@@ -157,7 +158,7 @@ class _Explorer:
                      self.robot.line_count - 1)
         self.log.miss(rows, touch, approach | further)
         height = (touch.point_m * self.axes[rows, 2]).sum(1)
-        on_face = to_face & felt & ~strange
+        on_face = (to_face | (phase == _Phase.DOWN)) & felt & ~strange
         self.level[rows[on_face]] = height[on_face]
         self.fell[rows] = felt & (self.level[rows] - height > 0.5 * self.o.edge_drop_m)
         self._end_direction(rows[strange], EndReason.OBSTACLE)

@@ -100,8 +100,8 @@ def _out_of_reach(prior: BoundingCylinder, arm: ArmTable, hand: HandTable) -> st
     poses, = waypoint_poses((Ring(), Top()), prior, hand, np.zeros(1, np.uint64))
     if any(pose_reachable(arm, hand, pose) for pose in poses):
         return ""
-    return (f"the arm reaches none of {_poses(len(poses))} around the object, "
-            f"{_nearest_text(poses[0], arm, hand)}")
+    return (f"the arm reaches none of {_poses(len(poses))} around the object, such as "
+            f"{_place(poses[0])}")
 
 
 def _poses(count: int) -> str:
