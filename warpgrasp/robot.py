@@ -121,7 +121,8 @@ class Robot:
 
         Raises ValueError for a number that none of `bodies` has, for poses, keys and numbers of
         bodies that are not as many, and where `true` moves the hand along its mount, which arm and
-        hand share, or is another hand, or where errors could make a factor zero or less; HandError for a hand that cannot be used.
+        hand share, or is another hand, or where errors could make a factor zero or less; HandError
+        for a hand that cannot be used.
         """
         check_range("body", body, 0, len(bodies) - 1)
         if len(key) != len(truth.body_pose) or len(body) not in (1, len(key)):
