@@ -1,4 +1,4 @@
-"""What the planar explorer is told, and what it brings."""
+"""What the planar explorer is given, and what it returns."""
 
 from dataclasses import dataclass
 

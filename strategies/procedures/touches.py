@@ -13,7 +13,7 @@ from warpgrasp.touch.line_touch import LineTouch
 TABLE_MARGIN_M = 0.006
 """Contacts believed less than this above the table are taken to be the table."""
 SHORTEST_M = 1e-5
-"""Of the lengths that a procedure is told."""
+"""Of the lengths [m] that a procedure is given."""
 SLOTS = 256
 """More than one exploration can make with the options' limits."""
 

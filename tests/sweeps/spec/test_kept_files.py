@@ -3,11 +3,13 @@
 import shutil
 from pathlib import Path
 
+import pytest
 import trimesh
 
 from strategies.recognition.known_models import SHIPPED
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.store import Store
+from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.reader import read_spec
 
 SPEC = """\
@@ -69,3 +71,15 @@ def test_a_study_is_read_where_none_of_its_files_are(tmp_path: Path) -> None:
     opened(tmp_path / "moved/spec.toml", tmp_path / "third")
     shutil.rmtree(tmp_path / "moved")
     assert plan_study(read_spec(tmp_path / "third/spec.toml")).hash == plan.hash
+
+
+def test_a_folder_of_inputs_is_a_studys_alone(tmp_path: Path) -> None:
+    """Beside a spec of the user's it is no place where a file that is not there is looked for."""
+    (tmp_path / "inputs" / "abc").mkdir(parents=True)
+    (tmp_path / "inputs" / "abc" / "poses.csv").write_text("x\n1\n")
+    with pytest.raises(NoFile):
+        named_file("poses.csv", tmp_path, 1 << 20)
+    (tmp_path / "inputs/files.json").write_text('{"poses.csv": "inputs/abc/poses.csv"}')
+    assert named_file("./poses.csv", tmp_path, 1 << 20).parent.name == "abc"
+    with pytest.raises(NoFile):
+        named_file("other.csv", tmp_path, 1 << 20)

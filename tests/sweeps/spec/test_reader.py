@@ -15,7 +15,6 @@ from strategies.poses.waypoints import WAYPOINT_KINDS, Ring, Top
 from sweeps.run.plan import canonical_body
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import Problems, SpecError
-from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.study import Study
 from sweeps.spec.template import spec_template
@@ -453,15 +452,3 @@ def test_a_kept_spec_says_once_what_was_set(tmp_path: Path, own: str) -> None:
     assert again.head.episodes_per_cell == 2
     assert again.head.seed == (8 if own else read_spec(file).head.seed)
     assert again.strategies == read_spec(file).strategies
-
-
-def test_a_folder_of_inputs_is_a_studys_alone(tmp_path: Path) -> None:
-    """Beside a spec of the user's it is no place where a file that is not there is looked for."""
-    (tmp_path / "inputs" / "abc").mkdir(parents=True)
-    (tmp_path / "inputs" / "abc" / "poses.csv").write_text("x\n1\n")
-    with pytest.raises(NoFile):
-        named_file("poses.csv", tmp_path, 1 << 20)
-    (tmp_path / "inputs/files.json").write_text('{"poses.csv": "inputs/abc/poses.csv"}')
-    assert named_file("./poses.csv", tmp_path, 1 << 20).parent.name == "abc"
-    with pytest.raises(NoFile):
-        named_file("other.csv", tmp_path, 1 << 20)
