@@ -36,6 +36,9 @@ class Effect:
     strategy: str
     factor: str
     levels: tuple[str, ...]
+    at: np.ndarray | None
+    """(level,) The number of each level, or the mean of those that it joins; None where values are
+    not numbers."""
     value: np.ndarray  # (level,)
     low: np.ndarray
     high: np.ndarray
@@ -67,7 +70,8 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                 continue
             points = np.array([paired.entries[n].points[place] for n in mine])
             for k, key in enumerate(axis.keys):
-                names, level = _levels([axis.values[point][k] for point in points])
+                given = [axis.values[point][k] for point in points]
+                names, level = _levels(given)
                 of_levels = ObjectMeans(len(names), 0, chances=metric in CHANCES)
                 for values in paired.values[metric]:
                     own = values[:, mine]
@@ -82,7 +86,9 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                     for ends in (apart.value, apart.low, apart.high))
                 counts = np.bincount(level, minlength=len(names))
                 inside = counts @ (found.value - means.mean()) ** 2 / len(mine)
-                yield Effect(strategy.name, key, names, found.value, found.low, found.high,
+                at = (np.bincount(level, np.array(given, float), len(names)) / counts
+                      if all(map(_is_number, given)) else None)
+                yield Effect(strategy.name, key, names, at, found.value, found.low, found.high,
                              tuple(int(count) for count in counts),
                              (between_two, least_apart, most_apart),
                              float(inside / between) if between > 0 else float("nan"))
@@ -91,8 +97,7 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
 def _levels(values: list[object]) -> tuple[tuple[str, ...], np.ndarray]:
     """The names of a factor's levels, and the level of each setting."""
     distinct = list(dict.fromkeys(values))
-    if len(distinct) <= MANY_VALUES or not all(
-            isinstance(v, int | float) and not isinstance(v, bool) for v in distinct):
+    if len(distinct) <= MANY_VALUES or not all(map(_is_number, distinct)):
         return (tuple(value_texts(distinct)),
                 np.array([distinct.index(v) for v in values]))
     numbers = np.array(values, float)
@@ -100,6 +105,10 @@ def _levels(values: list[object]) -> tuple[tuple[str, ...], np.ndarray]:
     _, level = np.unique(rank * LEVELS // len(numbers), return_inverse=True)
     return tuple(f"{numbers[level == n].min():.4g} to {numbers[level == n].max():.4g}"
                  for n in range(level.max() + 1)), level
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def settings_table(plan: Plan, paired: Paired, metric: str) -> TextTable:

@@ -10,7 +10,7 @@ from sweeps.cli.app import Folders, Json, UsageError, app, count_of, device_of, 
 TableKind = Literal["pairs", "objects", "beside", "confusion", "curves", "reach", "same-time",
                     "pareto", "settings"]
 FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confusion", "settings",
-                     "contacts", "faces", "contour", "taxels", "grasp"]
+                     "levels", "contacts", "faces", "contour", "taxels", "grasp"]
 Over = Literal["like-these", "these"]
 """Kinds, repeated here so that help and completion import neither tables nor figures."""
 
@@ -128,14 +128,15 @@ def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND"
     words
         The directories of a study, then one of forest (the leaderboard),
         curves-touches, curves-time (error as it falls), pareto (error and robot time),
-        confusion (recognition), settings (swept factors); of one episode, run again: contacts (over
-        the recovered body; with -o FILE.csv as numbers, beside the true places), faces (traces
-        and planes), contour (the solid of revolution), taxels (images of pads, with their
-        moments), grasp (the hand on the object).
+        confusion (recognition), settings (swept factors, as a heat map), levels (error against
+        each swept factor, with intervals); of one episode, run again: contacts (over the recovered
+        body; with -o FILE.csv as numbers, beside the true places), faces (traces and planes),
+        contour (the solid of revolution), taxels (images of pads, with their moments), grasp (the
+        hand on the object).
     out
         The file; its ending, .svg, .pdf or .png (for contacts also .csv), names the format.
     metric
-        Of forest, pareto and settings.
+        Of forest, pareto, settings and levels.
     strategy
         For confusion and the figures of one episode; by default the best. An entry's name in
         the leaderboard names the setting too ("ring6 [sensors.tendon_threshold_N=3]").
@@ -144,8 +145,8 @@ def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND"
     episode
         For those: which episode of that strategy and object.
     over
-        For curves and pareto: intervals of objects like-these, or of these with other episodes.
-        The forest has both.
+        For curves, pareto and levels: intervals of objects like-these, or of these with other
+        episodes. The forest has both.
     """
     from sweeps.figures import kinds as figures
 

@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "contacts": ["contacts_figure", "contacts_shown", "draw_contacts"],
     "contour": ["contour_figure"],
-    "curves": ["draw_curves"],
+    "curves": ["draw_curves", "draw_levels"],
     "faces": ["crossed_faces", "draw_faces", "faces_figure", "faces_shown"],
     "fits": ["draw_fits"],
     "forest": ["draw_forest"],

@@ -1,17 +1,35 @@
-"""Error against touches or robot time, a line for each strategy, with 95 % intervals."""
+"""Error against touches, robot time or what was swept, a line a strategy, with 95 % intervals."""
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sweeps.analysis.curves import Curves, grid_of, mean_curve
-from sweeps.figures.style import COLOURS, DASHES, MARKERS, MUTED, distinct_labels, drawing, figure
+from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.settings import Effect, effects
+from sweeps.figures.style import (
+    COLOURS,
+    DASHES,
+    MARKERS,
+    MUTED,
+    cut,
+    distinct_labels,
+    drawing,
+    figure,
+    metric_label,
+)
+from sweeps.run.plan import Plan
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 LABELS = {"touches": "touches", "time_s": "robot time [s]"}
 BANDS = 3  # more would hide one another
 MANY = 20  # others, whose lines are then thin
+DECADES = 1.3  # positive numbers that span more have a logarithmic axis
+APART = 0.015  # between strategies at one level, in widths of the axis
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
@@ -77,3 +95,64 @@ def _while_exploring(curves: Curves, axis: str, entry: int, grid: np.ndarray, va
     end = max(ends, default=0.0)
     step = grid[1] - grid[0] if len(grid) > 1 else 0.0
     return np.where(grid < end + step, value, np.nan), end
+
+
+def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
+    """A panel for each swept factor: the mean at each of its levels, a line for each strategy.
+
+    The best eight strategies by their best level are in colour, with intervals; the others grey.
+    """
+    found = list(effects(plan, paired, metric))
+    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    best: dict[str, float] = {}
+    for effect in found:
+        values = sign * effect.value[np.isfinite(effect.value)]
+        best[effect.strategy] = min(best.get(effect.strategy, np.inf), *values, np.inf)
+    names = sorted(best, key=lambda name: (best[name], name))
+    factors = [key for axis in plan.study.axes for key in axis.keys
+               if any(effect.factor == key for effect in found)]
+    legend = min(len(names), len(COLOURS) + 1)
+    with drawing():
+        drawn = figure(0.35 + 1.55 * len(factors) + 0.12 * ((legend + 1) // 2))
+        panels = drawn.subplots(len(factors), 1, squeeze=False, sharey=True)[:, 0]
+        for axes, factor in zip(panels, factors, strict=True):
+            _draw_factor(axes, [effect for effect in found if effect.factor == factor], names)
+        drawn.supylabel(metric_label(metric), fontsize=7.0)
+        lines = {str(line.get_label()): line for axes in reversed(panels)
+                 for line in axes.get_lines()[::-1]}
+        drawn.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=2,
+                     handlelength=3.2)
+    return drawn
+
+
+def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) -> None:
+    """One factor's lines; `names` are the strategies of all panels, the best first."""
+    from matplotlib.ticker import LogLocator
+
+    at = shown[0].at
+    if at is None:
+        at = np.arange(len(shown[0].levels), dtype=float)
+        axes.set_xticks(at, [cut(level, 18) for level in shown[0].levels],
+                        rotation=25 if len(at) > 3 else 0,
+                        ha="right" if len(at) > 3 else "center", rotation_mode="anchor")
+    elif at.min() > 0.0 and at.max() > at.min() * 10.0**DECADES:
+        axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axes.xaxis.set_major_formatter("{x:g}")
+        axes.xaxis.set_minor_formatter("")
+    for effect in sorted(shown, key=lambda e: -names.index(e.strategy)):  # the best on top
+        place, mine = names.index(effect.strategy), at if effect.at is None else effect.at
+        if place >= len(COLOURS):
+            axes.plot(np.sort(mine), effect.value[np.argsort(mine)], color=MUTED, lw=0.6, zorder=1,
+                      label=f"{len(names) - len(COLOURS)} others")
+            continue
+        aside = APART * (place - (min(len(names), len(COLOURS)) - 1) / 2)
+        x = (mine * (at.max() / at.min()) ** aside if axes.get_xscale() == "log"
+             else mine + aside * np.ptp(at))
+        order = np.argsort(x)
+        axes.vlines(x, effect.low, effect.high, color=COLOURS[place], lw=0.8)
+        axes.plot(x[order], effect.value[order], color=COLOURS[place],
+                  ls="none" if effect.at is None else DASHES[place],
+                  marker=MARKERS[place], ms=3, label=cut(effect.strategy, 24))
+    axes.set_xlabel(shown[0].factor)
+    axes.grid(axis="y", lw=0.3, color="#d0d0d0")

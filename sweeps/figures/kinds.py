@@ -15,7 +15,7 @@ from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pareto import COST
 from sweeps.analysis.rerun_episode import Episode, cell_of, choose_episode, in_a_worker, rerun
 from sweeps.analysis.settings import read_settings
-from sweeps.figures.curves import draw_curves
+from sweeps.figures.curves import draw_curves, draw_levels
 from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
@@ -96,6 +96,8 @@ KINDS: dict[str, Callable[[Asked], "Figure"]] = {
         read_paired(a.plan, a.stores, [a.metric, COST], over=a.over), a.metric),
     "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),
     "settings": lambda a: draw_settings(
+        a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),
+    "levels": lambda a: draw_levels(
         a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),
     "contacts": _of_episode("contacts_figure"), "faces": _of_episode("faces_figure"),
     "contour": _of_episode("contour_figure"), "taxels": _taxels, "grasp": _grasp,

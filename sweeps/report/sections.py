@@ -15,7 +15,7 @@ from sweeps.analysis.paired import Paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
-from sweeps.figures.curves import draw_curves
+from sweeps.figures.curves import draw_curves, draw_levels
 from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
@@ -137,6 +137,8 @@ def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
     paired = read_settings(plan, stores, metric)
     found = settings_table(plan, paired, metric)
     return section("Swept factors", drawing(
+        draw_levels(plan, paired, metric), "levels-plot", "Error against each swept factor",
+        "Means over the other factors, with 95 % intervals."), drawing(
         draw_settings(plan, paired, metric), "settings-plot", "Means by level of each factor",
         "Means; the tint is the difference from the strategy's mean."), paragraph(
         "spread is the largest level mean minus the smallest, with the interval of that "

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from curved_episodes import SWEPT, wide_study, wide_text
+from curved_episodes import SWEPT, table_rows, wide_study, wide_text
 from drawn_text import looks_right, texts
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
@@ -22,6 +22,7 @@ from sweeps.analysis.bootstrap import REPLICATES
 from sweeps.analysis.entries import Entry
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.pareto import COST, find_front
+from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.cli import main as cli
 from sweeps.episode.contact_rows import contacts_csv
 from sweeps.episode.episodes import run_block
@@ -47,7 +48,7 @@ from sweeps.spec.errors import StoreError
 from warpgrasp.parameters import PadTable
 
 EPISODE_KINDS = ("contacts", "faces", "contour", "taxels", "grasp")
-STUDY_KINDS = [kind for kind in KINDS if kind not in (*EPISODE_KINDS, "settings")]
+STUDY_KINDS = [kind for kind in KINDS if kind not in (*EPISODE_KINDS, "settings", "levels")]
 
 
 @pytest.fixture(scope="module")
@@ -89,6 +90,7 @@ def test_settings_of_any_number_of_levels_are_readable(entries: tuple[Plan, Stor
     if not entries[0].study.axes:
         pytest.skip("a study of one setting has no such figure")
     looks_right(KINDS["settings"](Asked(entries[0], [entries[1]])))
+    looks_right(KINDS["levels"](Asked(entries[0], [entries[1]])))
 
 
 @pytest.mark.parametrize("kind", ["forest", "pareto", "curves-time"])
@@ -109,6 +111,36 @@ def test_a_forest_explains_the_lines_that_it_has(tmp_path: Path) -> None:
 
 def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
+
+
+def test_levels_stand_at_their_numbers_with_the_table_s_intervals(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 3, 4, """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [12.0, 3.0, 100.0]
+"strategy.closings" = [["curl40"], ["base_then_curl"]]
+"""))
+    drawn = KINDS["levels"](Asked(plan, [store]))
+    looks_right(drawn)
+    rows = table_rows(settings_table(plan, read_settings(plan, [store], "chamfer_mm"),
+                                     "chamfer_mm"))
+    numbers, words = drawn.axes
+    assert (numbers.get_xscale(), words.get_xscale()) == ("log", "linear")
+    assert [text.get_text() for text in words.get_xticklabels()] == ["(curl40)", "(base_then_curl)"]
+    for axes, factor in ((numbers, "sensors.tendon_threshold_N"), (words, "strategy.closings")):
+        for line in axes.get_lines():
+            mine = [row for row in rows
+                    if (row["strategy"], row["factor"]) == (line.get_label(), factor)]
+            if axes is numbers:
+                mine.sort(key=lambda row: float(row["level"]))
+                np.testing.assert_allclose(np.asarray(line.get_xdata(), float), [3, 12, 100],
+                                           rtol=0.03)
+            np.testing.assert_allclose(np.asarray(line.get_ydata(), float),
+                                       [float(row["chamfer_mm"]) for row in mine], atol=6e-4)
+        ends = {round(float(y), 3) for lines in axes.collections
+                if isinstance(lines, LineCollection) for way in lines.get_segments()
+                for _, y in way}
+        assert ends == {round(float(row[f"chamfer_mm_ci_{end}"]), 3) for row in rows
+                        if row["factor"] == factor for end in ("low", "high")}
 
 
 def test_a_low_heat_map_has_room_for_its_label(tmp_path: Path) -> None:
