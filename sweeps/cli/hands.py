@@ -58,7 +58,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     hold
         A joint that stands still, as NAME=DEGREES; more as in --hold A=0 --hold B=0.
     force
-        Overwrite an existing TOML file.
+        Overwrite existing files (a picture of a TOML is drawn anew without it).
     """
     from sweeps.figures.style import encode
     from sweeps.output import note, quiet_stdout, write_atomic
@@ -76,7 +76,8 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             raise UsageError(f"{option}: is for a URDF, and {urdf} is a hand already; what it says "
                              "should be changed in that file")
     if not is_hand:
-        refuse_existing(out, force)
+        for path in (out, out.with_suffix(".png")):
+            refuse_existing(path, force)
     with quiet_stdout():
         if is_hand:
             model, text = hand_from_file(urdf), None

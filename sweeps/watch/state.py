@@ -91,7 +91,7 @@ def pace_facts(pace: Pace, left: int | None) -> list[tuple[str, str]]:
     """The rate, and how long the rest takes at it (of a race: of the rung)."""
     if not pace.running:
         return []
-    found = [("in hand", f"{pace.in_hand} units")]
+    found = [("in hand", f"{pace.in_hand} unit{'s' * (pace.in_hand != 1)}")]
     if pace.units_per_s > 0:
         found.append(("rate", f"{pace.units_per_s:.3g} units/s"))
         if left is not None:
