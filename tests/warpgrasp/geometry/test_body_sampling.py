@@ -27,6 +27,18 @@ def test_a_sample_is_of_its_bodys_own_box() -> None:
     assert half.volume_m3 < 0.6 * whole.volume_m3
 
 
+@pytest.mark.parametrize("turn", [[35, 45, 0], [45, 45, 30]])
+@pytest.mark.parametrize(("radius", "height"), [(2, 300), (3, 500), (5, 500)])
+def test_a_slanted_rod_has_its_volume(radius: float, height: float, turn: list[float]) -> None:
+    """Against the capsule's formula; it fills some thousandths of its box."""
+    body = body_from_table({"name": "rod", "compound": [{
+        "shape": "capsule", "radius_mm": radius, "height_mm": height, "rpy_deg": turn}]}, Path())
+    sample = sample_body(body)
+    true = np.pi * radius**2 * (height - 2 * radius + 4 / 3 * radius) * 1e-9
+    assert sample.volume_m3 == pytest.approx(true, rel=0.006)
+    assert len(np.unique(sample.inside_m, axis=0)) > 1000
+
+
 @pytest.mark.parametrize("name", ["block", "wedge", "small_cylinder"])
 def test_normals_of_ends_point_up_and_down(name: str) -> None:
     body = body_from_name(name)
