@@ -199,6 +199,8 @@ def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scor
     to_body = distance_to_surface(body, found.element, device=device)
     share, true_share = found.area / found.area.sum(1, keepdims=True), sample.surface_share
     away = found.away
+    # Of sampled points, so that it may be a little more than either volume.
+    common = np.minimum(found.common, np.minimum(found.volume, sample.volume_m3))
     return Scores(
         chamfer_m=0.5 * (np.einsum("wp,p->w", away, true_share)
                          + np.einsum("wp,wp->w", to_body, share)),
@@ -206,7 +208,7 @@ def _score(found: _Surface, body: Body, sample: BodySample, device: str) -> Scor
                    + np.einsum("wp,wp,wp->w", to_body, to_body, share)),
         hausdorff95_m=np.maximum(weighted_quantile(away, true_share, 0.95),
                                  weighted_quantile(to_body, share, 0.95)),
-        iou=found.common / (found.volume + sample.volume_m3 - found.common),
+        iou=common / (found.volume + sample.volume_m3 - common),
         volume_ratio=found.volume / sample.volume_m3,
         coverage=np.einsum("wp,p->w", away <= COVERAGE_M, true_share),
     )
