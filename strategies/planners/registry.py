@@ -25,10 +25,14 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
         try:
             with guarded_call():
                 made: Any = found(**options)
-            return made
         except Exception as error:  # anything may go wrong in a planner that somebody else wrote
             raise PlannerError(f"strategy {call!r} cannot take the options {dict(options)!r:.200}: "
                                f"{type(error).__name__}: {error!s:.200}") from None
+        if not can_be_asked(made):
+            raise PlannerError(f"strategy {call!r}: gives a {type(made).__name__} that cannot be "
+                               "asked; a planner is a function of the belief, or a class with a "
+                               "method __call__(self, belief)")
+        return made
     if options:
         raise PlannerError(f"strategy {call!r} is a plain function; it takes no options, "
                            f"but has {sorted(options)}")
@@ -44,6 +48,19 @@ def takes_belief(found: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return len(needed) == 1
+
+
+def can_be_asked(made: Any) -> bool:
+    """Whether it can be called with a belief."""
+    if not callable(made):
+        return False
+    try:
+        inspect.signature(made).bind(None)
+    except TypeError:
+        return False
+    except ValueError:  # of built-in functions there may be none
+        pass
+    return True
 
 
 def find_planner(call: str) -> Callable[..., Any]:

@@ -216,7 +216,7 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
                         block.prior, cell.arm, cell.hand)
     failed = why_failed(block.status, block.exploration.belief)
     why = np.where(why == "", _both(failed, mostly_itself(block.exploration)), why)
-    why = np.where(block.exploration.stopped, STOPPED, why)
+    why = _both(np.where(block.exploration.stopped, STOPPED, ""), why)
     if block.rebuilt is not None and block.rebuilt.note is not None:
         why = _both(why, block.rebuilt.note)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)

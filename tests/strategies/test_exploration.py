@@ -214,6 +214,12 @@ def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
         with pytest.raises(PlannerError, match=None) as error:
             make_planner(call, options)
         assert says in str(error.value)
+    idle = tmp_path / "idle.py"
+    idle.write_text("class Idle:\n    pass\n\nclass Deaf:\n    def __call__(self):\n"
+                    "        return []\n\ndef nothing():\n    return None\n")
+    for name, made in (("Idle", "an? Idle"), ("Deaf", "a Deaf"), ("nothing", "a NoneType")):
+        with pytest.raises(PlannerError, match=rf"gives {made} that cannot be asked; .*__call__"):
+            make_planner(f"{idle}:{name}", {})
     broken = tmp_path / "broken.py"
     broken.write_text("import numpy\n\nx = 1 / 0\n")
     with pytest.raises(PlannerError, match=r"broken\.py:3: ZeroDivisionError"):
