@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "meshes": ["coarse_mesh", "mesh_of_world", "ply_of", "quadrilaterals", "recovered_faces",
                "recovered_grid", "surface_mesh"],
     "pareto": ["draw_pareto"],
-    "replay_frames": ["PALM_M", "Replay", "make_replay", "replay_of", "segment_pose"],
+    "replay_frames": ["Replay", "make_replay", "replay_of", "segment_pose"],
     "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_box", "set_cube",
                "visible"],
     "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "cut", "distinct_labels", "drawing",

@@ -1,13 +1,12 @@
 """A figure of the hand on the object, at the frame of an episode with the strongest contacts."""
 
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 from scipy.spatial.transform import Rotation
 
-from sweeps.figures.replay_frames import PALM_M, Frame, Replay, segment_pose
+from sweeps.figures.replay_frames import Frame, Replay, segment_pose
 from sweeps.figures.solids import direction, keep_labels_inside, lit, set_box
 from sweeps.figures.style import COLUMN_IN, cut, drawing, figure
 from sweeps.spec.errors import StoreError
@@ -16,7 +15,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 _BODY, _LINK, _FELT, _CONTACT = "#dcd6c4", "#6d8ab8", "#D55E00", "#111111"
 _DOT_M = 0.0022
-_WRIST_RADIUS_M, _WRIST_LENGTH_M = 0.03, 0.06
 ZOOM = 0.84
 ELEVATION_DEG, LIGHT_DEG = 18.0, 35.0
 """Of the eye above the floor; of the light aside of the eye, half as much more above the floor."""
@@ -49,7 +47,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     axes.add_collection3d(Poly3DCollection(
         [1e3 * (face - foot) for faces, _ in solids for face in faces], facecolors=colours,
         edgecolors=colours, linewidths=0.2, zsort="average"), autolim=False)
-    corners = 1e3 * (np.concatenate([frame.fingers_m.reshape(-1, 3), replay.body_m]) - foot)
+    corners = 1e3 * (np.concatenate([frame.links_m.reshape(-1, 3), replay.body_m]) - foot)
     half = 1.1 * np.abs(corners[:, :2]).max()
     tall = 1.1 * corners[:, 2].max()
     set_box(axes, np.array([-half, -half, 0.0]), np.array([half, half, tall]), ZOOM, (3, 3, 3))
@@ -65,17 +63,14 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
 
 
 def hand_solids(replay: Replay, frame: Frame) -> list[tuple[np.ndarray, str]]:
-    """Triangles (face, 3, 3) of the palm and of each link, with their colours."""
-    turn, palm = Rotation.from_quat(frame.hand_turn), frame.palm_m
-    box = trimesh.creation.box(extents=PALM_M).subdivide().subdivide()
-    wrist = palm - turn.apply([0.0, 0.0, _WRIST_LENGTH_M])
-    solids = [(_placed(box, palm, turn), _LINK),
-              (_capsule(wrist, palm, _WRIST_RADIUS_M), _LINK)]
-    for points, felt in zip(frame.fingers_m, frame.felt, strict=True):
-        for number, (a, b) in enumerate(pairwise(points)):
-            tip = number + 2 == len(points)
-            solids.append((_capsule(a, b, replay.link_radius_m),
-                           _FELT if tip and felt else _LINK))
+    """Triangles (face, 3, 3) of palm, wrist and each link, with their colours."""
+    bars = frame.in_base(replay.hand.bars_m)
+    solids = [(_capsule(a, b, radius), _LINK)
+              for (a, b), radius in zip(bars, replay.hand.bar_radius_m, strict=True)]
+    for links, radii, felt in zip(frame.links_m, replay.hand.link_radius_m, frame.felt,
+                                  strict=True):
+        solids += [(_capsule(a, b, radius), _FELT if n + 1 == len(radii) and felt else _LINK)
+                   for n, ((a, b), radius) in enumerate(zip(links, radii, strict=False))]
     return solids
 
 

@@ -1,7 +1,8 @@
 """An episode as a sequence of frames: the pose of arm and fingers, contacts and estimates so far.
 
 Frames come from the robot's own readings: believed hand poses through the arm's inverse kinematics,
-and joint commands up to where each finger stopped. The object alone is at its true pose.
+and joint commands up to where each finger stopped. Contacts are where the body that stands at the
+end has them. The object alone is at its true pose.
 """
 
 from collections.abc import Iterator
@@ -13,11 +14,12 @@ from scipy.spatial.transform import Rotation
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
 from strategies.contacts.finger_touch import touched_links
+from strategies.exploration_record import Exploration
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.possible import extended_of, opposed_of
 from strategies.procedures.touches import TouchTable
 from strategies.recovery.choose_model import Recovered, Shape
-from strategies.recovery.evidence import evidence_from_grasps
+from strategies.recovery.evidence import evidence_from_grasps, slots_of_touches
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
@@ -25,10 +27,10 @@ from sweeps.figures.meshes import recovered_grid, surface_grid
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from warpgrasp.arms.serial_arm import nearest_joints, serial_places
-from warpgrasp.chain.chain_hand import chain_of_table, closing_way, finger_lines
+from warpgrasp.chain.chain_hand import chain_of_table, closing_way
 from warpgrasp.geometry.meshing import body_mesh
+from warpgrasp.hand_capsules import capsules_of_hand
 from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating, serial_model
-from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_inverse_batch
 from warpgrasp.parameters import ArmTable
@@ -43,8 +45,6 @@ FAR_RAD = 0.2
 """Between touches of pads, joint motions larger than this take TRAVEL frames, others one."""
 _POST_M = 0.3
 """Height of the post above a floating wrist."""
-PALM_M, PALM_OFFSET_M = (0.095, 0.075, 0.03), 0.02
-"""Sides of the box that stands for the palm, and its centre's depth below the hand's origin."""
 
 
 @dataclass(frozen=True)
@@ -55,8 +55,8 @@ class Frame:
     """Base and joints of the arm and the hand's origin, (place, 3); how many, the arm says."""
     hand_turn: np.ndarray
     """Of the hand, quaternion xyzw."""
-    fingers_m: np.ndarray
-    """Base, joints and tip of each finger, (finger, place, 3)."""
+    links_m: np.ndarray
+    """Ends of the axes of each finger's links, from its base on, (finger, link, 2, 3)."""
     felt: np.ndarray
     """Strength of each finger's contact in this frame, 0 to 1, (finger,): 1 for a contact of a
     grasp, for a pad its largest count over full scale."""
@@ -66,10 +66,22 @@ class Frame:
     """Index of the replay's current estimate, -1 before the first."""
     label: str
 
-    @property
-    def palm_m(self) -> np.ndarray:
-        """Centre of the palm."""
-        return self.arm_m[-1] - Rotation.from_quat(self.hand_turn).apply([0.0, 0.0, PALM_OFFSET_M])
+    def in_base(self, place_m: np.ndarray) -> np.ndarray:
+        """Places (..., 3) of the hand's frame in the base frame."""
+        turn = Rotation.from_quat(self.hand_turn)
+        return self.arm_m[-1] + turn.apply(place_m.reshape(-1, 3)).reshape(place_m.shape)
+
+
+@dataclass(frozen=True)
+class HandShape:
+    """The capsules that a hand is made of."""
+
+    link_radius_m: tuple[tuple[float, ...], ...]
+    """Of each finger's links."""
+    bars_m: np.ndarray
+    """Ends of the axes of palm and wrist in the hand's frame, (bar, 2, 3)."""
+    bar_radius_m: np.ndarray
+    """(bar,)."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +96,7 @@ class Replay:
     """Surfaces estimated after each probe, (row, column, 3)."""
     body_m: np.ndarray
     body_faces: np.ndarray
-    link_radius_m: float
+    hand: HandShape
 
 
 def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
@@ -95,12 +107,14 @@ def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
     frames = tuple(made.frames())
     if not frames:
         raise StoreError(f"nothing to replay: the episode ended {block.status[world]}")
+    hand = capsules_of_hand(cell.hand)
     score = float(block.scores.chamfer_m[world] * 1e3)
     return Replay(
         f"{cell.strategy.name} on {cell.object_name}: {len(made.contacts)} contacts, chamfer "
         f"{score:.1f} mm", frames, np.array(made.contacts).reshape(-1, 3), tuple(made.estimates),
         Rotation.from_quat(pose[3:]).apply(vertices) + pose[:3], faces,
-        outline_of(cell.hand).skin_m)
+        HandShape(tuple(tuple(radius[:count].tolist()) for radius, count in zip(
+            hand.radius_m, hand.count, strict=True)), hand.bars_m, hand.bar_radius_m))
 
 
 class _Recording:
@@ -109,9 +123,10 @@ class _Recording:
     def __init__(self, cell: Cell, block: EpisodeBlock, world: int) -> None:
         self.cell, self.block, self.world = cell, block, world
         self.arm = arm_home(cell.arm)
-        self.chain = chain_of_table(cell.hand)
-        self.straight = np.zeros((4, 4)) if self.chain is None else closing_way(
-            self.chain, self.chain.model.closings[0], 2)[:, 0]
+        self.hand = capsules_of_hand(cell.hand)
+        chain = chain_of_table(cell.hand)
+        self.straight = np.zeros((4, 4)) if chain is None else closing_way(
+            chain, chain.model.closings[0], 2)[:, 0]
         self.contacts: list[np.ndarray] = []
         self.estimates: list[np.ndarray] = []
         self.estimate = -1
@@ -120,12 +135,13 @@ class _Recording:
         procedures = [p for p in self.block.exploration.procedures if p.took_part[self.world]]
         alone = len({p.step for p in procedures}) == 1
         fitted = {moment.step: moment.recovered for moment in self.block.moments}
+        placed = iter(placed_contacts(self.block.exploration, self.world))
         for number, procedure in enumerate(procedures):
             if isinstance(procedure.felt, Grasps):
                 growing = refits(self.cell, procedure.felt, self.world) if alone else []
-                yield from self._grasps(procedure.felt, growing)
+                yield from self._grasps(procedure.felt, next(placed), growing)
             else:
-                yield from self._touches(procedure.name, procedure.felt.touches)
+                yield from self._touches(procedure.name, procedure.felt.touches, next(placed))
             if number + 1 == len(procedures):
                 self._believe(self.block.moments[-1].recovered)
                 yield self._still("contacts and the last estimate")
@@ -138,10 +154,10 @@ class _Recording:
             self.estimates.append(recovered_grid(recovered, self.world, 12))
             self.estimate = len(self.estimates) - 1
 
-    def _grasps(self, grasps: Grasps, growing: list[np.ndarray | None]) -> Iterator[Frame]:
+    def _grasps(self, grasps: Grasps, points: np.ndarray, growing: list[np.ndarray | None]
+                ) -> Iterator[Frame]:
         commands, step = grasps.commands_rad, grasps.closing.step[self.world]
         status = grasps.closing.status[self.world]
-        points = grasps.estimate.point_m[self.world]
         felt = (status == ProbeStatus.CONTACT) & np.isfinite(points).all(-1)
         opened, fingers = commands[0, :, 0], np.arange(commands.shape[1])
         probes = len(step)
@@ -172,7 +188,7 @@ class _Recording:
             yield self._frame(opened, None, label)
             self.arm = away
 
-    def _touches(self, name: str, table: TouchTable) -> Iterator[Frame]:
+    def _touches(self, name: str, table: TouchTable, points: np.ndarray) -> Iterator[Frame]:
         rows = np.flatnonzero(table.world == self.world)
         hand, pads = self.cell.hand, self.cell.pads
         posture = (extended_of(hand, pads).commands_rad if name == "planar"
@@ -187,7 +203,7 @@ class _Recording:
             fingers[finger] = table.q_rad[row]
             contact = bool(table.status[row] == ProbeStatus.CONTACT)
             if contact:
-                self.contacts.append(table.point_m[row])
+                self.contacts.append(points[row])
             level = float(table.taxel_peak[row]) / FULL_COUNT if contact else 0.0
             felt = np.where(np.arange(len(posture)) == finger, level, 0.0)
             yield self._frame(fingers, felt, label)
@@ -202,22 +218,35 @@ class _Recording:
     def _still(self, label: str) -> Frame:
         return self._frame(self.straight, None, label)
 
-    def _links(self, place_m: np.ndarray, turn: np.ndarray, fingers: np.ndarray) -> np.ndarray:
-        """Joints and tips of fingers at angles (finger, joint), base frame, (finger, place, 3)."""
-        cell = self.cell
-        if self.chain is None:
-            points, _ = arm_hand_links(cell.arm, cell.hand,
-                                       np.concatenate([self.arm, fingers.ravel()])[None])
-            return points[0]
-        return place_m + Rotation.from_quat(turn).apply(
-            finger_lines(self.chain, fingers).reshape(-1, 3)).reshape(len(fingers), -1, 3)
-
     def _frame(self, fingers: np.ndarray, felt: np.ndarray | None, label: str) -> Frame:
         cell = self.cell
         joints, turn = arm_points(cell.arm, self.arm, cell.hand.mount_length_m)
         level = np.zeros(len(fingers)) if felt is None else np.asarray(felt, float)
-        return Frame(joints, turn, self._links(joints[-1], turn, fingers), level,
-                     len(self.contacts), self.estimate, label)
+        frame = Frame(joints, turn, self.hand.places(fingers[:, None])[:, 0], level,
+                      len(self.contacts), self.estimate, label)
+        return replace(frame, links_m=frame.in_base(frame.links_m))
+
+
+def placed_contacts(found: Exploration, world: int) -> Iterator[np.ndarray]:
+    """Of each procedure that the world took part in, where contacts lie: of grasps (probe, grasp,
+    finger, 3), of touches of pads (row, 3) in the order of their table [m]. One that the body used
+    lies where the body that stands has it, others where they were felt."""
+    slot = 0
+    for procedure in found.procedures:
+        felt, own = procedure.felt, slice(slot, slot + procedure.slots)
+        slot += procedure.slots
+        used, points = found.placed.mask[world, own], found.placed.points_m[world, own]
+        if isinstance(felt, Grasps):
+            at = felt.estimate.point_m[world].copy()
+            at.reshape(-1, 3)[used] = points[used]
+        else:
+            at = felt.touches.point_m.copy()
+            rows, (worlds, slots) = slots_of_touches(felt.touches, len(found.status),
+                                                     procedure.slots)
+            mine = worlds == world
+            at[rows[mine]] = points[slots[mine]]
+        if procedure.took_part[world]:
+            yield at
 
 
 def refits(cell: Cell, grasps: Grasps, world: int) -> list[np.ndarray | None]:

@@ -1,6 +1,6 @@
 """`warpgrasp show`: a replay of an episode, as one HTML file or live on this machine alone.
 
-It needs viser, an optional dependency. Arm and hand are capsules and a box.
+It needs viser, an optional dependency. Arm and hand are capsules.
 """
 
 import io
@@ -17,7 +17,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
-from sweeps.figures.replay_frames import PALM_M, Replay, replay_of, segment_pose
+from sweeps.figures.replay_frames import Replay, replay_of, segment_pose
 from sweeps.output import extra_hint, why_unwritable, write_atomic
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
@@ -120,14 +120,18 @@ class _Scene:
         scene.add_mesh_simple("/object", replay.body_m.astype(np.float32),
                               _triangles(replay.body_faces), color=_TRUE, opacity=0.45)
         first = replay.frames[0]
-        lengths = _lengths(first.arm_m)
+        lengths = _lengths(np.stack([first.arm_m[:-1], first.arm_m[1:]], 1))
         self.arm = [_capsule(scene, f"/arm/{n}", length, radius, _ARM) for n, (length, radius)
                     in enumerate(zip(lengths, np.linspace(*_ARM_RADII_M, len(lengths)),
                                      strict=True))]
-        self.palm = scene.add_box("/palm", color=_LINK, dimensions=PALM_M)
-        self.fingers = [[_capsule(scene, f"/finger/{f}/{n}", length, replay.link_radius_m, _LINK)
-                         for n, length in enumerate(_lengths(points))]
-                        for f, points in enumerate(first.fingers_m)]
+        self.palm = [_capsule(scene, f"/palm/{n}", length, radius, _LINK)
+                     for n, (length, radius) in enumerate(zip(
+                         _lengths(replay.hand.bars_m), replay.hand.bar_radius_m, strict=True))]
+        self.fingers = [[_capsule(scene, f"/finger/{f}/{n}", length, radius, _LINK)
+                         for n, (length, radius) in enumerate(zip(
+                             _lengths(links), radii, strict=False))]
+                        for f, (links, radii) in enumerate(zip(
+                            first.links_m, replay.hand.link_radius_m, strict=True))]
         self.contacts = [scene.add_icosphere(f"/contact/{n}", radius=0.0035, color=_CONTACT,
                                              subdivisions=1, position=tuple(at), visible=False)
                          for n, at in enumerate(replay.contacts_m)]
@@ -145,10 +149,10 @@ class _Scene:
         frame = self.replay.frames[number]
         for handle, (a, b) in zip(self.arm, pairwise(frame.arm_m), strict=True):
             self._place(handle, a, b)
-        self._set(self.palm, position=tuple(frame.palm_m),
-                  wxyz=_wxyz(Rotation.from_quat(frame.hand_turn)))
-        for handles, points, felt in zip(self.fingers, frame.fingers_m, frame.felt, strict=True):
-            for handle, (a, b) in zip(handles, pairwise(points), strict=True):
+        for handle, (a, b) in zip(self.palm, frame.in_base(self.replay.hand.bars_m), strict=True):
+            self._place(handle, a, b)
+        for handles, links, felt in zip(self.fingers, frame.links_m, frame.felt, strict=True):
+            for handle, (a, b) in zip(handles, links, strict=False):  # others have more links
                 self._place(handle, a, b)
             self._set(handles[-1], color=_tip_colour(float(felt)))
         for n, handle in enumerate(self.contacts):
@@ -182,8 +186,9 @@ def _capsule(scene: Any, name: str, length: float, radius: float, colour: tuple)
                                  mesh.faces.astype(np.uint32), color=colour)
 
 
-def _lengths(points: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(np.diff(points, axis=0), axis=1)
+def _lengths(ends_m: np.ndarray) -> np.ndarray:
+    """Of segments (n, 2, 3)."""
+    return np.linalg.norm(ends_m[:, 1] - ends_m[:, 0], axis=1)
 
 
 def _triangles(quads: np.ndarray) -> np.ndarray:

@@ -1,9 +1,9 @@
 """Points of a body for its scorer: inside, on the surface, and its volume, from distances alone.
 
 Low-discrepancy (Sobol, unscrambled) points fill the body's box; those inside sample the volume. Of
-a body that fills little of its box (a slanted rod) they fill the cells of the box that it may reach.
-Lines through the box, as evenly spread, cross the surface and sample its area
-(`surface_crossings`). The same body always gives the same points.
+a body that fills little of its box, as a slanted rod, they fill the cells that it may reach. Lines
+through the box, as evenly spread, cross the surface and sample its area (`surface_crossings`). The
+same body always gives the same points.
 """
 
 from dataclasses import dataclass, replace

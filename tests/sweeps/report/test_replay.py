@@ -1,6 +1,7 @@
 """A replay: frames that agree with the robot's own kinematics, and a page that plays offline."""
 
 import base64
+import csv
 import io
 import pickle
 import signal
@@ -24,18 +25,26 @@ from scipy.spatial.transform import Rotation
 from strategies.poses.waypoints import Ring
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
+from sweeps.episode.contact_rows import contacts_csv
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.grasp import grasp_figure
-from sweeps.figures.replay_frames import Frame, Replay, arm_points, make_replay, replay_of
+from sweeps.figures.replay_frames import (
+    Frame,
+    HandShape,
+    Replay,
+    arm_points,
+    make_replay,
+    replay_of,
+)
 from sweeps.figures.style import encode
 from sweeps.report import replay
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from warpgrasp.arms.arm_file import SHIPPED_ARMS
+from warpgrasp.hand_capsules import capsules_of_hand
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.mechanism.arm import arm_home
-from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.puma560 import puma_forward_batch
 from warpgrasp.parameters import FLOATING, PUMA560, ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
@@ -82,13 +91,37 @@ def test_frames_are_what_the_robot_read(played: tuple[Replay, EpisodeBlock]) -> 
                 [f"{label}: collision"], [f"{label}: unreachable"])
             continue
         assert np.allclose(there[-1].arm_m[-1], poses[number, :3], atol=1e-3)
-    last_tip = np.array([f.fingers_m[:, 4] for f in made.frames])
+    last_tip = np.array([f.links_m[:, -1, 1] for f in made.frames])
     jumps = np.linalg.norm(np.diff(last_tip, axis=0), axis=2)
     assert jumps.max() < 0.8  # from home to the first pose in four frames
-    points, _ = arm_hand_links(ArmTable(), HandTable(), np.zeros((1, 22)))
-    lengths = np.linalg.norm(np.diff(points[0], axis=1), axis=2)
     for frame in made.frames:
-        assert np.allclose(np.linalg.norm(np.diff(frame.fingers_m, axis=1), axis=2), lengths)
+        ends = frame.links_m
+        assert np.allclose(np.linalg.norm(ends[:, :, 1] - ends[:, :, 0], axis=2),
+                           HandTable().link_length_m)
+        assert np.allclose(ends[:, 1:, 0], ends[:, :-1, 1])
+
+
+def test_a_hand_of_chains_is_drawn_as_it_is_with_contacts_where_the_body_has_them() -> None:
+    """Contacts as `contacts.csv` has them; links as they lie when fingers have closed."""
+    hand = HandTable(kind="barrett")
+    cell = replace(CELL, hand=hand, arm=ArmTable(kind=FLOATING))
+    block = run_block(cell, np.arange(1), "cpu")
+    made = make_replay(cell, block)
+    rows = list(csv.DictReader(io.StringIO(contacts_csv(block.exploration, block.truth))))
+    places = [[float(row[name]) for name in ("x_m", "y_m", "z_m")] for row in rows
+              if row["status"] == "contact"]
+    assert np.allclose(made.contacts_m, places, atol=1e-6)
+    assert (block.exploration.placed.mask[0]).sum() > 3
+    grasps, = block.grasps
+    assert not np.allclose(made.contacts_m, grasps.estimate.point_m[0][
+        grasps.closing.status[0] == ProbeStatus.CONTACT], atol=1e-3)
+    capsules = capsules_of_hand(hand)
+    assert [len(radii) for radii in made.hand.link_radius_m] == capsules.count.tolist()
+    assert len(set(made.hand.link_radius_m[0])) > 1
+    for frame in made.frames:
+        assert np.isfinite(frame.links_m).all()
+        assert np.linalg.norm(frame.links_m - frame.arm_m[-1], axis=-1).max() < 0.35
+    assert grasp_figure(made, "barrett") is not None
 
 
 @pytest.mark.slow
@@ -117,10 +150,10 @@ def test_every_arm_is_drawn(name: str, tmp_path: Path) -> None:
     pytest.importorskip("viser")
     arm = ArmTable(kind=name)
     places, turn = arm_points(arm, arm_home(arm), 0.1)
-    frame = Frame(places, turn, np.zeros((1, 2, 3)), np.zeros(1), 0, -1, "home")
+    frame = Frame(places, turn, np.zeros((1, 1, 2, 3)), np.zeros(1), 0, -1, "home")
     body = np.array([[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0.1], [0.4, 0.1, 0.1]])
     made = Replay("an arm", (frame, frame), np.zeros((0, 3)), (), body, np.array([[0, 1, 2, 3]]),
-                  0.01)
+                  HandShape(((0.01,),), np.zeros((1, 2, 3)), np.array([0.02])))
     with patch.object(replay, "_capsule", wraps=replay._capsule) as drawn:
         replay.write_replay(made, tmp_path / "replay.html")
     radii = [call.args[3] for call in drawn.call_args_list if call.args[1].startswith("/arm/")]
