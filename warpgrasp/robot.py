@@ -119,11 +119,14 @@ class Robot:
         errors of calibration, whose deviations are those of `errors`. The robot that is has the
         tables `true`; those that are believed where there are none.
 
-        Raises ValueError for a number that none of `bodies` has, for poses, keys and numbers of
-        bodies that are not as many, and where `true` moves the hand along its mount, which arm and
-        hand share, or is another hand, or where errors could make a factor zero or less; HandError
-        for a hand that cannot be used.
+        Raises ValueError for bodies that are none, for a number that none of them has, for poses,
+        keys and numbers of bodies that are not as many, and where `true` moves the hand along its
+        mount, which arm and hand share, or is another hand, or where errors could make a factor
+        zero or less; HandError for a hand that cannot be used.
         """
+        if isinstance(bodies, Body) or not all(isinstance(each, Body) for each in bodies):
+            raise ValueError(f"bodies: are {bodies!r:.80}; should be a list of Body, such as "
+                             '[body_from_name("block")]')
         check_range("body", body, 0, len(bodies) - 1)
         if len(key) != len(truth.body_pose) or len(body) not in (1, len(key)):
             raise ValueError(f"{len(truth.body_pose)} true poses, {len(key)} keys, {len(body)} "

@@ -11,12 +11,17 @@ from collections.abc import Callable
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import wraps
-from math import degrees, radians
+from math import degrees, isfinite, radians
+from numbers import Integral, Real
 from typing import Any, TypeVar
+
+import numpy as np
 
 # A trailing m or rad is a length or an angle, unless it belongs to a compound: N_m, Nm_rad, per_m.
 _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<rate>_s)?$")
 _SHARE = re.compile(r"^(?P<stem>link_length|moment_arm|pad_gain)_share$")
+_ROUNDING = 1e-12
+"""Of a bound, by which a value in a spec's unit may lie beyond it."""
 Table = TypeVar("Table")
 
 
@@ -47,9 +52,11 @@ def each(change: Callable[[Any], Any], value: Any) -> Any:
 def spec_words(table: type[Table]) -> type[Table]:
     """A parameter dataclass whose constructor takes the words of a spec too, in their units.
 
-    Its constructor raises TypeError for an unknown word, naming the right one.
+    Its constructor raises TypeError for an unknown word, naming the right one, and ValueError for a
+    value that a spec could not have: bounds and choices are those of the fields' metadata.
     """
     make = table.__init__
+    named: dict[str, Any] = {f.name: f for f in fields(table)}  # type: ignore[arg-type]
     known = {word: (f.name, to_si) for f in fields(table)  # type: ignore[arg-type]
              for word, to_si, _ in [word_of(f.name)]}
     names = {name for name, _ in known.values()}
@@ -57,6 +64,8 @@ def spec_words(table: type[Table]) -> type[Table]:
     @wraps(make)
     def init(self: Any, *values: Any, **words: Any) -> None:
         found = {}
+        for name, value in zip(named, values, strict=False):  # too many are refused below
+            _check(table.__name__, named[name], name, value, same)
         for word, value in words.items():
             name, to_si = (word, same) if word in names else known.get(word, ("", same))
             if not name:
@@ -67,11 +76,38 @@ def spec_words(table: type[Table]) -> type[Table]:
             if name in found:  # in both units
                 raise TypeError(f"{table.__name__}: {word_of(name)[0]} and {name} are the same; "
                                 "give one")
+            _check(table.__name__, named[name], word, value, to_si)
             found[name] = each(to_si, value)
         make(self, *values, **found)
 
     table.__init__ = init  # type: ignore[method-assign]
     return table
+
+
+def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], float]) -> None:
+    """Raise ValueError where a value is none of its field's choices, or no number or list of them
+    within its bounds. Arrays are of worlds and are not looked at."""
+    choices, low, high = (of.metadata.get(name) for name in ("choices", "low", "high"))
+    if choices and not (isinstance(value, str) and value in choices):
+        raise ValueError(f"{table}: {word} is {value!r}; should be one of {', '.join(choices)}")
+    if low is None or value is None or value is of.default or isinstance(value, np.ndarray):
+        return
+    whole = of.type in (int, "int")
+    wanted = "a whole number" if whole else "a number"
+    entries: Any = [value]
+    if isinstance(of.default, tuple):
+        wanted = f"{len(of.default)} numbers, each"
+        entries = value if isinstance(value, list | tuple) else ()
+        entries = entries if len(entries) == len(of.default) else [None]
+    factor = to_si(1.0)
+    slack = _ROUNDING * max(abs(v) for v in (low, high, 0.0) if isfinite(v))
+    for entry in entries:
+        right = isinstance(entry, Integral) or (isinstance(entry, Real) and not whole)
+        if isinstance(entry, bool) or not right or not (
+                low - slack <= entry * factor <= high + slack) or not isfinite(entry):
+            ends = (f"{low / factor:.10g} to {high / factor:.10g}" if isfinite(high)
+                    else f"{low / factor:.10g} on")
+            raise ValueError(f"{table}: {word} is {value!r}; should be {wanted} from {ends}")
 
 
 def _from_mm(value: float) -> float:

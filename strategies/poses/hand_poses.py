@@ -41,8 +41,13 @@ def waypoint_poses(
     """Hand poses of all families, one after the other, shape (world, probe, 7).
 
     Position [m] and quaternion xyzw in the robot's base frame. `key` (world,) uint64 draws the
-    random families. Raises WaypointError for a file that cannot be used.
+    random families. Raises WaypointError for a file that cannot be used, and for what is no family.
     """
+    wrong = [family for family in waypoints if type(family) not in _FAMILY]
+    if wrong or not len(waypoints):
+        names = ", ".join(family.__name__ for family in _FAMILY)
+        raise WaypointError(f"waypoints: {wrong[0] if wrong else waypoints!r} is no family; should "
+                            f"be some of {names}, such as Ring(count=6)")
     stream = counter_key(key, int(Purpose.WAYPOINT))
     return np.concatenate([
         _FAMILY[type(family)](family, prior, hand, counter_key(stream, number))

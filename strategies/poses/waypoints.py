@@ -97,10 +97,7 @@ _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 @spec_words
 @dataclass(frozen=True)
 class Placement:
-    """What every family shares: how far the palm stays away, which way the hand is turned.
-
-    Raises WaypointError for a family of no poses.
-    """
+    """What every family shares: how far the palm stays away, which way the hand is turned."""
 
     palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's prior cylinder")
     clearance_per_radius: float = _number(1.5, 0.0, 5.0,
@@ -110,11 +107,6 @@ class Placement:
     tilt_rad: float = _number(radians(55), 0.0, pi, "between approach and straight down")
     aim: float = _number(0.5, -1.0, 2.0, "height aimed at / height of the object")
     aim_out: float = _number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
-
-    def __post_init__(self) -> None:
-        count = getattr(self, "count", 1)
-        if not count >= 1:
-            raise WaypointError(f"{type(self).__name__}: count is {count}; should be 1 at least")
 
 
 @spec_words

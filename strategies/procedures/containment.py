@@ -29,8 +29,10 @@ def padded_commands(
     `closings` are names in `CLOSING_PATHS`, or of another hand those of `chain_path_names`. Returns
     the commands [rad], shape (grasp, finger, step, joint), shorter paths padded with their last
     command, and the number of steps of each path, shape (grasp,). Raises KeyError for an unknown
-    name, and names those there are.
+    name, and names those there are; ValueError where no list of names is given.
     """
+    if isinstance(closings, str) or not closings:
+        raise ValueError(f"closings: are {closings!r}; should be names such as (\"curl40\",)")
     chain = None if hand is None else chain_of_table(hand)
     paths = [_utah_mit_commands(name) if chain is None else chain_commands(chain, name)
              for name in closings]
@@ -55,7 +57,8 @@ def explore_by_containment(
     `hand_pose` (world, probe, 7) holds positions [m] and quaternions xyzw in the base frame, and
     `wanted` (world, probe) says which poses to visit. `room` (world,) limits the finger closings
     of each world: the poses that would exceed it are not tried. `closes` (world, probe, finger)
-    bool says which fingers close, all unless given. Raises KeyError for an unknown closing path.
+    bool says which fingers close, all unless given. Raises KeyError for an unknown closing path,
+    ValueError for none.
     """
     commands, count = padded_commands(closings, robot.hand)
     return robot.grasp(hand_pose, wanted, commands, count, room, closes)

@@ -23,6 +23,8 @@ FIT = RevolutionOptions(nodes=10, upright=True, tilt_std_rad=np.radians(5), leas
 """An axis is known to some degrees [est], which touches of a short object do not tell better."""
 _SPACING_M = 0.010  # of nodes
 _LEAST_RADIUS_M = 0.005
+LEANING = 0.1
+"""Sine of the lean from which a body stands on its rim: upright ones are told better [est]."""
 _TURNED_RAD = 0.1  # normals of all sections together, at least [est]
 
 
@@ -51,7 +53,8 @@ def profile_of(exploration: ContourExploration, *, refine: bool = True) -> Profi
     """Refine the axes and make the contours of linear segments.
 
     Each node is a weighted line through the touches near it; the lowest radius is carried down to
-    the table. Without `refine` the given direction is kept, through the middle of the fitted axis.
+    the table: until the axis meets it, or, of a body that leans, its rim. Without `refine` the
+    given direction is kept, through the middle of the fitted axis.
     """
     given = exploration.axis
     worlds = len(exploration.reason)
@@ -75,7 +78,9 @@ def profile_of(exploration: ContourExploration, *, refine: bool = True) -> Profi
     axis = np.stack([turn.apply(a) for turn, a in zip(from_axis, axis_local, strict=True)])
     through = np.stack([turn.apply(p) for turn, p in zip(from_axis, point_local, strict=True)])
     through = through + np.nan_to_num(given.foot_m)
-    bottom = -through[:, 2] / np.maximum(axis[:, 2], 0.1)
+    lean = np.hypot(axis[:, 0], axis[:, 1])
+    rim = np.where(refine & (lean > LEANING), lean * _lowest(t, rho, mask), 0.0)
+    bottom = (rim - through[:, 2]) / np.maximum(axis[:, 2], 0.1)
     top = np.where(mask, t, -np.inf).max(1, initial=-np.inf)
     known = good & (top > bottom)
     bottom, top = np.where(known, bottom, 0.0), np.where(known, top, 0.0)
@@ -124,6 +129,14 @@ def _upright(direction: np.ndarray) -> Rotation:
     size = np.linalg.norm(axis)
     angle = np.arctan2(size, direction[2] / length)
     return Rotation.from_rotvec(axis / max(size, 1e-12) * angle)
+
+
+def _lowest(t: np.ndarray, rho: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Radii of the lowest touches, (world,); 0 where there are none."""
+    if not mask.shape[1]:
+        return np.zeros(len(mask))
+    first = np.where(mask, t, np.inf).argmin(1)[:, None]
+    return np.where(mask.any(1), np.take_along_axis(rho, first, 1)[:, 0], 0.0)
 
 
 def _segments(

@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 import gymnasium
 import numpy as np
 from gymnasium import spaces
+from gymnasium.error import ResetNeeded
 from gymnasium.utils.seeding import np_random
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
@@ -87,7 +88,7 @@ class GraspVectorEnv(VectorEnv):
                                               np.float64)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self.action_space = batch_space(self.single_action_space, num_envs)
-        self._over = False
+        self._begun = self._over = False
         self._each: list[np.random.Generator] = []  # of every world, where each has its own seed
 
     def reset(self, *, seed: int | Sequence[int | None] | None = None,
@@ -113,7 +114,7 @@ class GraspVectorEnv(VectorEnv):
         self._run = RunningExploration(
             robot, prior, counter_key(key, int(Purpose.STRATEGY)), cell.fit, self._closings,
             Budget(steps=None))
-        self._made, self._over = 0, False
+        self._made, self._begun, self._over = 0, True, False
         self._chamfer_mm = self._score()
         return self._observation(), self._info()
 
@@ -157,8 +158,10 @@ class GraspVectorEnv(VectorEnv):
         """One more probe in every world; after the last of the budget, the next step resets.
 
         Actions beyond [-1, 1] are cut to it. Raises ValueError for those of another shape, or that
-        are not finite.
+        are not finite, ResetNeeded before the first reset.
         """
+        if not self._begun:
+            raise ResetNeeded("step: the episode has not begun; call reset first")
         actions = np.asarray(actions, float)
         shape = self.action_space.shape
         if actions.shape != shape or not np.isfinite(actions).all():

@@ -10,7 +10,7 @@ from strategies.reconstruct.plug_in_name import BUILT_IN
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
 from sweeps.spec.checks import in_column
-from sweeps.spec.errors import Problems, choose
+from sweeps.spec.errors import Problems, choose, short
 from sweeps.spec.hands import read_hand
 from sweeps.spec.named_files import read_arm, with_models
 from sweeps.spec.objects import read_objects
@@ -39,7 +39,13 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
     if not listed:
         problems.add(("objects",), "is empty; name at least one object")
     found = read_objects(listed, Path.cwd(), problems)
+    if not isinstance(tables, Mapping | None):
+        raise ValueError(f"settings: are {short(tables)}; should be tables such as "
+                         '{"sensors": {"tendon_threshold_N": 4}}')
     given = dict(tables or {})
+    for name in {"hand", "arm"} & set(given):  # as a spec may have it: hand = "allegro"
+        if isinstance(given[name], str):
+            given[name] = {"kind": given[name]}
     for name in given:
         if name not in SECTIONS:
             problems.add(("settings", name), f"unknown table; {choose(name, SECTIONS)}")

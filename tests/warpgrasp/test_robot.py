@@ -3,7 +3,10 @@
 import numpy as np
 import pytest
 
-from strategies.procedures.containment import explore_by_containment
+from strategies.procedures.containment import explore_by_containment, padded_commands
+from warpgrasp.arms.arm_model import ArmError
+from warpgrasp.hands.hand_model import HandError
+from warpgrasp.mechanism.arm import serial_model
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 from warpgrasp.robot import Robot, Truth
@@ -43,6 +46,23 @@ def test_closing_paths_that_there_are_are_named(kind: str) -> None:
     with pytest.raises(KeyError, match="closing path 'curl41'; should be one of together, curl25"):
         explore_by_containment(robot(Truth(POSE), kind=kind), np.zeros((2, 1, 7)),
                                np.ones((2, 1), bool), ("curl41",))
+
+
+def test_what_is_no_list_of_closing_paths_or_bodies_is_refused() -> None:
+    for closings in ((), "curl40"):
+        with pytest.raises(ValueError, match=r'closings: are .*; should be names such as'):
+            padded_commands(closings)  # type: ignore[arg-type]
+    for bodies in (["block"], body_from_name("block")):
+        with pytest.raises(ValueError, match=r"bodies: are .*; should be a list of Body"):
+            Robot(bodies, np.zeros(1, int), Truth(POSE), KEY,  # type: ignore[arg-type]
+                  ArmTable(), HandTable(), SensorTable())
+
+
+def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:
+    with pytest.raises(HandError, match=r"hand 'alegro'; should be one of utah_mit, allegro, "):
+        robot(Truth(POSE), kind="alegro")
+    with pytest.raises(ArmError, match=r"arm 'ur5'; should be puma560, none, one of .*ur5e"):
+        serial_model(ArmTable(kind="ur5"))
 
 
 def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:

@@ -1,5 +1,6 @@
 """Parameter tables take the words of a spec in Python."""
 
+from dataclasses import replace
 from math import radians
 
 import pytest
@@ -21,6 +22,27 @@ def test_every_word_of_a_spec_is_taken(table: type) -> None:
         value = field.spec_default
         if value is not None:
             assert getattr(table(**{word: value}), field.name) == pytest.approx(field.default)
+
+
+@pytest.mark.parametrize(("make", "says"), [
+    (lambda: SensorTable(tendon_threshold_N=-1), "tendon_threshold_N is -1; should be a number from"
+     " 0 to 1000"),
+    (lambda: SensorTable(tendon_threshold_N=float("nan")), "tendon_threshold_N is nan"),
+    (lambda: SensorTable(tension_readings=2.5), "is 2.5; should be a whole number from 1"),
+    (lambda: HandTable(link_radius_mm=-7), "link_radius_mm is -7; should be a number from 1 to 50"),  # type: ignore[call-arg]
+    (lambda: HandTable(link_radius_m=7), "link_radius_m is 7; should be a number from 0.001 to"),
+    (lambda: HandTable(link_radius_mm="7"), "link_radius_mm is '7'; should be a number"),  # type: ignore[call-arg]
+    (lambda: HandTable(link_length_mm=[35, 45]), "should be 3 numbers, each from 5 to 200"),  # type: ignore[call-arg]
+    (lambda: HandTable(link_length_mm=35), "should be 3 numbers, each from 5 to 200"),  # type: ignore[call-arg]
+    (lambda: Ring(tilt_deg=500), "Ring: tilt_deg is 500; should be a number from 0 to 180"),  # type: ignore[call-arg]
+    (lambda: Ring(aim="midle"), "Ring: aim is 'midle'; should be a number from -1 to 2"),  # type: ignore[arg-type]
+    (lambda: Ring(7.0), "palm_clearance_m is 7.0; should be"),
+    (lambda: replace(Ring(), count=0), "Ring: count is 0; should be a whole number from 1 to"),
+])
+def test_a_value_that_a_spec_could_not_have_is_refused(make: object, says: str) -> None:
+    with pytest.raises(ValueError, match="should be") as error:
+        make()  # type: ignore[operator]
+    assert says in str(error.value)
 
 
 @pytest.mark.parametrize(("make", "says"), [

@@ -93,8 +93,8 @@ def hand_of_kind(kind: str) -> HandModel:
     # What reads files is not imported where the hand is the Utah-MIT's.
     from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
 
-    if kind in SHIPPED:
-        return hand_named(kind)
+    if kind in SHIPPED or not kind.endswith(".toml"):
+        return hand_named(kind)  # which says what there is
     try:
         changed = Path(kind).stat()
     except OSError:

@@ -218,7 +218,7 @@ def _cell_distances(body: Body, layer_m: float) -> tuple[np.ndarray, np.ndarray,
     low, high = _box(body)
     side = (high - low) / _CELLS
     scene = scene_of([body], "cpu")
-    corner = low + side * np.stack(np.indices((_CELLS,) * 3), -1).reshape(-1, 3)
+    corner = low + side * np.indices((_CELLS,) * 3).reshape(3, -1).T
     distance = distance_to_bodies(scene, np.zeros(1, int), (corner + 0.5 * side)[None])[0][0]
     # No distance reaches beyond the surface, so that nothing is left out.
     corner = corner[distance < 0.5 * np.linalg.norm(side) + layer_m]

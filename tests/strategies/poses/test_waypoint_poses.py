@@ -155,8 +155,16 @@ def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:
 @pytest.mark.parametrize("family", [Ring, Column, Opposing, Top, Random, Spiral, Hemisphere])
 def test_a_family_of_no_poses_is_refused(family: type) -> None:
     for count in (0, -3):
-        with pytest.raises(WaypointError, match=f"{family.__name__}: count is {count}; should be"):
+        with pytest.raises(ValueError, match=f"{family.__name__}: count is {count}; should be"):
             family(count=count)
+
+
+def test_what_is_no_family_is_refused() -> None:
+    prior = BoundingCylinder(*(np.full(1, v) for v in (0.45, 0.0, 0.03, 0.1)))
+    for wrong, says in (([], r"waypoints: \[\] is no family"), ([Ring], "Ring.* is no family"),
+                        (["ring"], "'ring' is no family; should be some of Ring, ")):
+        with pytest.raises(WaypointError, match=says):
+            waypoint_poses(wrong, prior, HandTable(), np.zeros(1, np.uint64))
 
 
 @pytest.mark.parametrize("family", [Ring, Column, Opposing, Top, Random, Spiral, Hemisphere])
@@ -165,7 +173,8 @@ def test_every_number_of_a_family_moves_its_poses(family: type) -> None:
     for f in fields(family):
         if f.init and f.name != "count":
             low, high = f.metadata["low"], f.metadata["high"]
-            one, other = (waypoint_poses((family(**{f.name: value}),), prior(height=0.3), HAND,
-                                         np.zeros(1, np.uint64))
+            whole = isinstance(f.default, int)
+            one, other = (waypoint_poses((family(**{f.name: int(value) if whole else value}),),
+                                         prior(height=0.3), HAND, np.zeros(1, np.uint64))
                           for value in (0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high))
             assert one.shape != other.shape or not np.allclose(one, other), f.name

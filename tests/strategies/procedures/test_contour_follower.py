@@ -108,6 +108,23 @@ def test_a_short_cylinder_keeps_its_axis_and_its_radius(height_m: float) -> None
     assert np.degrees(np.arccos(profile.axis[:, 2])).max() < 10
 
 
+def test_a_leaning_cylinder_ends_where_its_rim_stands_on_the_table() -> None:
+    """Not where its axis would meet the table, which is farther down by r tan(lean)."""
+    radius, height, lean = 0.025, 0.12, np.radians(15)
+    body = body_from_table({"name": "leaning", "compound": [
+        {"shape": "cylinder", "radius_mm": 25, "height_mm": 120, "rpy_deg": [0, 15, 0]}]}, Path())
+    robot, truth = before(body, 4)
+    way = np.array([np.sin(lean), 0.0, np.cos(lean)])
+    foot = truth.body_pose[:, :3] + np.array(body.parts[0].place[:3])
+    ones = np.ones(len(foot))
+    profile = profile_of(explore_contour(
+        robot, Axis(foot, np.tile(way, (4, 1)), height * ones, radius * ones)))
+    volume = np.pi * radius**2 * height
+    assert np.abs(profile.volume_m3 / volume - 1.0).max() < 0.03
+    assert np.abs(profile.length_m - height).max() < 0.003
+    assert np.abs(profile.foot_m - foot).max() < 0.003
+
+
 def test_touches_of_the_table_are_none_of_the_body() -> None:
     """The axis leans by 5 degrees, so that low sections come down to the table."""
     robot, _ = set_up("lightbulb")

@@ -25,6 +25,7 @@ from warpgrasp.parameters import ContactTable, ErrorTable, ScoreTable, SensorTab
 
 gymnasium = pytest.importorskip("gymnasium")
 
+from gymnasium.error import ResetNeeded  # noqa: E402
 from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
@@ -243,6 +244,8 @@ def test_pictures_are_of_every_world() -> None:
     ({"settings": {"object": {"x_mm": 0.45}}}, "settings.object: .*where the arm itself stands"),
     ({"settings": {"arm": {"kind": "ur6e"}}}, r"settings.arm.kind: no arm 'ur6e'.*ur5e"),
     ({"settings": {"hand": {"kind": "allegra"}}}, "settings.hand.kind: no hand 'allegra'"),
+    ({"settings": [1]}, r"settings: are \[1\]; should be tables such as"),
+    ({"settings": {"hand": "allegra"}}, "settings.hand.kind: no hand 'allegra'"),
     ({"settings": {"fit": {"reconstruct": "chosen"}}}, "reconstruct: .* should be superquadric"),
 ])
 def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says: str) -> None:
@@ -252,6 +255,8 @@ def test_settings_that_cannot_be_used_are_refused(settings: dict[str, Any], says
 
 def test_actions_and_seeds_that_cannot_be_used_are_refused() -> None:
     worlds = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    with pytest.raises(ResetNeeded, match="call reset first"):
+        worlds.step(np.zeros((2, 4)))
     with pytest.raises(ValueError, match="one for each of 2 worlds"):
         worlds.reset(seed=[1])
     worlds.reset(seed=1)
