@@ -59,8 +59,17 @@ def fault_text(planner: Callable[..., Any], error: BaseException) -> str:
     # Without a line of its own: of what it answered with.
     where = (f"{Path(own[-1].filename).name}:{own[-1].lineno}: {own[-1].name}" if own
              else place_of(planner))
-    what = error if isinstance(error, EndedProcess) else f"{type(error).__name__}: {error}"
+    what = (_text_of(error) if isinstance(error, EndedProcess)
+            else f"{type(error).__name__}: {_text_of(error)}")
     return on_one_line(f"{where}: {what}"[:400])
+
+
+def _text_of(error: BaseException) -> str:
+    """What an error says; nothing where that fails too."""
+    try:
+        return str(error)
+    except Exception:
+        return ""
 
 
 def place_of(planner: Callable[..., Any]) -> str:

@@ -32,6 +32,8 @@ UPRIGHT = 0.3
 """The level part of a unit vector below which its azimuth says little."""
 LEVEL = 0.1
 """An approach that comes down less than this for each metre clears no table by backing off."""
+FARTHEST_M = 5.0
+"""Of a place of a hand in a file along each axis, more than the box of any wrist."""
 CSV_COLUMNS = ("x_m", "y_m", "z_m", "qx", "qy", "qz", "qw")
 
 
@@ -187,7 +189,8 @@ _FAMILY: dict[type, Callable[[Any, BoundingCylinder, HandTable, np.ndarray], np.
 def poses_from_csv(path: Path) -> np.ndarray:
     """Hand poses of a file with columns x_m, y_m, z_m, qx, qy, qz, qw, shape (probe, 7).
 
-    Raises WaypointError naming the line: text for a number, NaN, a quaternion far from length 1.
+    Raises WaypointError naming the line: text for a number, NaN, a place below the table or out of
+    any arm's reach, a quaternion far from length 1.
     """
     try:
         with path.open(newline="", encoding="utf-8") as file:
@@ -212,6 +215,13 @@ def poses_from_csv(path: Path) -> np.ndarray:
             if not isfinite(value):
                 raise WaypointError(f"{path}:{number}: {column}: {cell.strip()} is not finite")
             values.append(value)
+        if values[2] < 0.0:
+            raise WaypointError(f"{path}:{number}: z_m: {values[2]:g} is below the table; 0 and "
+                                "more is right")
+        for column, value in zip(CSV_COLUMNS, values[:3], strict=False):
+            if abs(value) > FARTHEST_M:
+                raise WaypointError(f"{path}:{number}: {column}: {value:g} m is out of every arm's "
+                                    "reach; places are in metres")
         norm = float(np.linalg.norm(values[3:]))
         if abs(norm - 1.0) > 1e-3:
             raise WaypointError(f"{path}:{number}: qx..qw: a quaternion of length {norm:.4g}; 1 is "

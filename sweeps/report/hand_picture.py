@@ -9,27 +9,35 @@ from scipy.spatial.transform import Rotation
 from sweeps.figures.solids import direction, lit, set_box
 from sweeps.figures.style import COLUMN_IN, cut, drawing, figure
 from warpgrasp.hands.hand_frames import finger_tips, link_frames, matrix_of, posture_angles
-from warpgrasp.hands.hand_model import Box, HandModel, Shape
+from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 _PALM, _FINGER, _THUMB, _TIP = "#9a9a9a", "#6d8ab8", "#E69F00", "#b2182b"
+_AXES = {"x": (0, "#CC79A7"), "approach (z)": (2, "#009E73")}
+"""Of the frame of the grasp that are drawn: which, and in which colour."""
+_AXIS_RADIUS_M = 0.002
 _ELEVATION_DEG, _AZIMUTH_DEG = 15.0, -60.0
 
 
 @drawing()
 def hand_picture(model: HandModel) -> "Figure":
     """The hand in each of its first two postures, in the frame of the grasp, [mm]: z is the
-    approach, x points to the thumb; a red ball marks each tip."""
+    approach, x points to the thumb, both drawn as rods from the origin; a red ball marks each
+    tip."""
+    from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     drawn = figure(COLUMN_IN, 2 * COLUMN_IN)
     shown = model.postures[:2]
     solids = [posture_solids(model, posture_angles(model, posture)) for posture in shown]
     corners = np.concatenate([faces.reshape(-1, 3) for one in solids for faces, _ in one])
+    rods = axis_solids(0.6 * float(np.ptp(corners, axis=0).max()))
+    corners = np.concatenate([corners, *(faces.reshape(-1, 3) for faces, _ in rods)])
     middle, half = (corners.min(0) + corners.max(0)) / 2, 1.05 * np.ptp(corners, axis=0).max() / 2
     for number, (posture, one) in enumerate(zip(shown, solids, strict=True), 1):
         axes: Any = drawn.add_subplot(1, len(shown), number, projection="3d")
+        one = [*one, *rods]
         colours = np.concatenate([lit(faces, tint, direction(_AZIMUTH_DEG + 35.0, 50.0))
                                   for faces, tint in one])
         axes.add_collection3d(Poly3DCollection(
@@ -38,7 +46,15 @@ def hand_picture(model: HandModel) -> "Figure":
         set_box(axes, 1e3 * (middle - half), 1e3 * (middle + half), 0.85)
         axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)
         axes.set_title(f"{cut(model.name)}: {posture.name}")
+    drawn.legend(handles=[*(Patch(color=tint, label=name) for name, (_, tint) in _AXES.items()),
+                          Patch(color=_TIP, label="tip")], loc="outside lower center", ncols=3)
     return drawn
+
+
+def axis_solids(length_m: float) -> list[tuple[np.ndarray, str]]:
+    """Triangles (face, 3, 3) of rods along axes of the frame of the grasp, and their colours."""
+    return [(_placed(np.eye(4), Capsule((0.0, 0.0, 0.0), tuple(length_m * np.eye(3)[axis]),
+                                        _AXIS_RADIUS_M)), tint) for axis, tint in _AXES.values()]
 
 
 def posture_solids(model: HandModel, q_rad: np.ndarray) -> list[tuple[np.ndarray, str]]:

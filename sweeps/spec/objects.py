@@ -15,6 +15,7 @@ from warpgrasp.objects.catalogue_names import (
     NAME_LIMIT,
     NO_ANSWER,
     NONE_OF_THESE,
+    family_hint,
     member_of_family,
 )
 
@@ -50,7 +51,8 @@ def read_object(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -
     """One object; None where something is wrong with it."""
     if isinstance(value, str):
         if value not in BODY_NAMES:
-            problems.add(path, f"no object {short(value)}; {choose(value, BODY_NAMES)}; or a mesh, "
+            problems.add(path, f"no object {short(value)}; {family_hint(value)}"
+                         f"{choose(value, BODY_NAMES)}; or a mesh, "
                          'as in { mesh = "mug.stl", units = "cm" }')
             return None
         return Body(value, {"name": value})
@@ -101,8 +103,8 @@ def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
         return member_table(what)
     file = Path(what)
     if not file.is_file():
-        raise ObjectError(f"no object {what!r}; {choose(what, BODY_NAMES)}; or a mesh file with "
-                        "--units m|cm|mm")
+        raise ObjectError(f"no object {what!r}; {family_hint(what)}{choose(what, BODY_NAMES)}; or "
+                          "a mesh file with --units m|cm|mm")
     if units is None:
         raise ObjectError(f"{what}: a mesh needs its units: --units m, --units cm or --units mm")
     table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}

@@ -154,6 +154,19 @@ def test_each_world_is_told_its_own_fault() -> None:
     assert "-0.02 " in found.fault[1]
 
 
+def test_an_error_that_cannot_be_told_is_a_fault_too() -> None:
+    class Silent(Exception):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    def fails(belief: Belief) -> list[Grasp]:
+        raise Silent
+
+    found = run(fails)
+    assert (found.status == "strategy_failed").all()
+    assert "fails: Silent" in found.fault[0]
+
+
 @pytest.mark.parametrize("array", [
     lambda belief: belief.prior.radius_m, lambda belief: belief.evidence.points_m,
     lambda belief: belief.body.size_m, lambda belief: belief.active])

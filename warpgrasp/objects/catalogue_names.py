@@ -37,6 +37,14 @@ SETS = {"public": 0, "held-out": HELD_OUT}
 """First seed of each half."""
 
 
+def family_hint(name: str) -> str:
+    """Which members the family has that `name` seems to be of, for a message; else nothing."""
+    family = name.partition("-")[0]
+    if family not in FAMILY_NAMES:
+        return ""
+    return f"{family}-0 to {family}-{MOST_SEED} are made by seed; "
+
+
 def member_of_family(name: str) -> tuple[str, int] | None:
     """Family and seed of an object such as "mug-17"; None where the name is no family's."""
     match = re.fullmatch(r"([a-z_]+)-(\d{1,4})", name)

@@ -104,6 +104,8 @@ def test_random_poses_depend_on_the_key_alone() -> None:
     ("0.4,0,0.3,1,0,0,zero", ":3: qw: 'zero' is not a number"),
     ("nan,0,0.3,1,0,0,0", ":3: x_m: nan is not finite"),
     ("0.4,0,0.3,1,0,0", ":3: 6 cells, 7 are wanted"),
+    ("0.4,0,-0.1,1,0,0,0", ":3: z_m: -0.1 is below the table; 0 and more is right"),
+    ("450,0,0.3,1,0,0,0", ":3: x_m: 450 m is out of every arm's reach; places are in metres"),
     ("0.4,0,0.3,1,1,0,0", ":3: qx..qw: a quaternion of length 1.414"),
 ])
 def test_pose_files_name_the_line(tmp_path: Path, line: str, message: str) -> None:

@@ -28,7 +28,8 @@ def test_members_of_families_by_name_and_by_set() -> None:
 @pytest.mark.parametrize(("entry", "said"), [
     ({"family": "mugs"}, "mug"), ({"family": "mug", "set": "hidden"}, "held-out"),
     ({"family": "mug", "count": 0}, "whole number"), ({"family": "mug", "seed": 1}, "unknown key"),
-    ({"family": "mug", "first": 999, "count": 2}, "there are 1"), ("mug-2000", "no object"),
+    ({"family": "mug", "first": 999, "count": 2}, "there are 1"),
+    ("mug-2000", "no object 'mug-2000'; mug-0 to mug-1999 are made by seed"),
     ({"meshes": "none/*.ply", "units": "m"}, "no file matches"), ({"meshes": 3}, "pattern"),
     ({"meshes": "*.ply", "unit": "m"}, "unknown key"), ({"object": "blok"}, "block"),
     ({"object": "block", "units": "m"}, "unknown key"),
