@@ -59,8 +59,9 @@ def read_settings(plan: Plan, stores: Sequence[Store], metric: str,
     return read_paired(plan, stores, [metric], range(len(plan.study.axes)), over)
 
 
-def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
-    """Strategy by strategy, the factors in the order of the spec."""
+def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterator[Effect]:
+    """Strategy by strategy, the factors in the order of the spec. Without `cut` only factors that
+    were sampled are cut into levels."""
     for number, strategy in enumerate(plan.study.strategies):
         mine = [n for n, entry in enumerate(paired.entries) if entry.strategy == number]
         means = paired.means[metric][0, mine]
@@ -71,7 +72,7 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
             points = np.array([paired.entries[n].points[place] for n in mine])
             for k, key in enumerate(axis.keys):
                 given = [axis.values[point][k] for point in points]
-                names, level = _levels(given)
+                names, level = _levels(given, cut or axis.sampled)
                 of_levels = ObjectMeans(len(names), 0, chances=metric in CHANCES)
                 for values in paired.values[metric]:
                     own = values[:, mine]
@@ -94,10 +95,10 @@ def effects(plan: Plan, paired: Paired, metric: str) -> Iterator[Effect]:
                              float(inside / between) if between > 0 else float("nan"))
 
 
-def _levels(values: list[object]) -> tuple[tuple[str, ...], np.ndarray]:
+def _levels(values: list[object], cut: bool) -> tuple[tuple[str, ...], np.ndarray]:
     """The names of a factor's levels, and the level of each setting."""
     distinct = list(dict.fromkeys(values))
-    if len(distinct) <= MANY_VALUES or not all(map(_is_number, distinct)):
+    if not cut or len(distinct) <= MANY_VALUES or not all(map(_is_number, distinct)):
         return (tuple(value_texts(distinct)),
                 np.array([distinct.index(v) for v in values]))
     numbers = np.array(values, float)

@@ -102,7 +102,7 @@ def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
 
     The best eight strategies by their best level are in colour, with intervals; the others grey.
     """
-    found = list(effects(plan, paired, metric))
+    found = list(effects(plan, paired, metric, cut=False))
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     best: dict[str, float] = {}
     for effect in found:
@@ -140,15 +140,16 @@ def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) ->
         axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
         axes.xaxis.set_major_formatter("{x:g}")
         axes.xaxis.set_minor_formatter("")
+    scaled, undone = (np.log, np.exp) if axes.get_xscale() == "log" else (np.asarray, np.asarray)
+    steps, beside = np.diff(np.sort(scaled(at))), min(len(names), len(COLOURS))
+    apart = min(APART * steps.sum(), 0.7 * steps.min(initial=np.inf) / beside)
     for effect in sorted(shown, key=lambda e: -names.index(e.strategy)):  # the best on top
         place, mine = names.index(effect.strategy), at if effect.at is None else effect.at
         if place >= len(COLOURS):
             axes.plot(np.sort(mine), effect.value[np.argsort(mine)], color=MUTED, lw=0.6, zorder=1,
                       label=f"{len(names) - len(COLOURS)} others")
             continue
-        aside = APART * (place - (min(len(names), len(COLOURS)) - 1) / 2)
-        x = (mine * (at.max() / at.min()) ** aside if axes.get_xscale() == "log"
-             else mine + aside * np.ptp(at))
+        x = undone(scaled(mine) + apart * (place - (beside - 1) / 2))
         order = np.argsort(x)
         axes.vlines(x, effect.low, effect.high, color=COLOURS[place], lw=0.8)
         axes.plot(x[order], effect.value[order], color=COLOURS[place],
