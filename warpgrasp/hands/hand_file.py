@@ -84,10 +84,11 @@ class _Pad(_Strict):
 
 
 class _PadSize(_Strict):
-    width_mm: float = Field(gt=0.0)
-    length_mm: float = Field(gt=0.0)
+    # Bounds as of `PadTable`.
+    width_mm: float = Field(ge=2.0, le=200.0)
+    length_mm: float = Field(ge=2.0, le=200.0)
     wrap_deg: float = Field(ge=0.0, le=90.0)
-    thickness_mm: float = Field(gt=0.0)
+    thickness_mm: float = Field(ge=0.1, le=10.0)
 
 
 class _Extended(_Strict):

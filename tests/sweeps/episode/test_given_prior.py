@@ -99,7 +99,9 @@ def test_an_object_that_is_not_whole_in_the_images_is_told() -> None:
     assert np.isfinite(prior.radius_m).all()
 
 
-NOTHING = Strategy("nothing", (Ring(count=1, palm_clearance_m=2.0),))  # out of the arm's reach
+NOTHING = Strategy("nothing", (Ring(  # beyond the object, out of the arm's reach
+    count=1, palm_clearance_m=0.3, clearance_per_radius=5.0, azimuth_rad=np.pi,
+    tilt_rad=np.pi / 2),))
 
 
 @pytest.mark.parametrize("words", [

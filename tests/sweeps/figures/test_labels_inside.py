@@ -13,7 +13,7 @@ from fit.plane import fit_plane
 from fit.points_csv import PointSets
 from sweeps.figures.fits import draw_fits
 from sweeps.figures.grasp import grasp_figure
-from sweeps.figures.replay_frames import Frame, Replay
+from sweeps.figures.replay_frames import Frame, HandShape, Replay
 
 
 @pytest.mark.parametrize("count", [1, 2, 5])
@@ -33,13 +33,15 @@ def test_nothing_is_cut_off_at_the_border_of_fits(count: int, height_m: float) -
 
 def upright_hand() -> Replay:
     """A finger far above a cylinder, which makes the box narrow and tall."""
-    finger = np.array([[[0.45, 0.0, height] for height in (0.3, 0.25, 0.2)]])
+    finger = np.array([[[[0.45, 0.0, height], [0.45, 0.0, height - 0.05]]
+                        for height in (0.3, 0.25)]])
     body = trimesh.creation.cylinder(0.03, 0.1).apply_translation([0.45, 0.0, 0.05])
     frame = Frame(np.array([[0.0, 0.0, 0.0], [0.45, 0.0, 0.32]]),
                   Rotation.from_euler("y", 180.0, degrees=True).as_quat(), finger, np.ones(1),
                   1, -1, "grasp 1")
     return Replay("", (frame,), np.array([[0.45, 0.0, 0.1]]), (), np.array(body.vertices),
-                  np.array(body.faces), 0.008)
+                  np.array(body.faces),
+                  HandShape(((0.008, 0.008),), np.zeros((1, 2, 3)), np.array([0.02])))
 
 
 def test_labels_of_a_grasp_lie_above_its_legend() -> None:

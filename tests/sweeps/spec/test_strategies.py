@@ -167,7 +167,8 @@ def test_an_error_in_a_planners_file_is_told_with_its_line(
 def test_what_a_planner_prints_is_no_result(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine.py").write_text(
-        "print('import')\nclass F:\n    def __init__(self, size=1):\n        print('init')\n")
+        "print('import')\nclass F:\n    def __init__(self, size=1):\n        print('init')\n"
+        "    def __call__(self, belief):\n        return []\n")
     file = tmp_path / "study.toml"
     file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}strategy = "mine.py:F"\n'
                     'options = { size = 1 }\n[sweep.grid]\n"strategy.options.size" = [1, 2]\n')
