@@ -22,6 +22,11 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
     """
     found = find_planner(call)
     if inspect.isclass(found) or not takes_belief(found):
+        known = options_of(found)
+        wrong = sorted(set(options) - set(known)) if known is not None else []
+        if wrong:
+            raise PlannerError(f"strategy {call!r} has no option {wrong[0]!r}; there are: "
+                               f"{', '.join(known or ()) or 'none'}")
         try:
             with guarded_call():
                 made: Any = found(**options)
@@ -48,6 +53,18 @@ def takes_belief(found: Any) -> bool:
     except (TypeError, ValueError):
         return False
     return len(needed) == 1
+
+
+def options_of(found: Callable[..., Any]) -> tuple[str, ...] | None:
+    """Names of the options of what makes a planner; None where any may be given, or is not known.
+    """
+    try:
+        given = inspect.signature(found).parameters.values()
+    except (TypeError, ValueError):
+        return None
+    if any(p.kind is p.VAR_KEYWORD for p in given):
+        return None
+    return tuple(p.name for p in given if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY))
 
 
 def can_be_asked(made: Any) -> bool:

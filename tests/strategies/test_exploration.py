@@ -223,13 +223,16 @@ def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
             (f"{MINE}:nonsense", {}, "has no function or class 'nonsense'"),
             (f"{tmp_path}/absent.py:f", {}, "cannot be read"),
             (f"{MINE}:one_ring", {"count": 1}, "takes no options"),
-            (f"{MINE}:Several", {"size": 1}, "cannot take the options {'size': 1}: TypeError: ")):
+            (f"{MINE}:Several", {"size": 1}, "has no option 'size'; there are: count")):
         with pytest.raises(PlannerError, match=None) as error:
             make_planner(call, options)
         assert says in str(error.value)
     idle = tmp_path / "idle.py"
     idle.write_text("class Idle:\n    pass\n\nclass Deaf:\n    def __call__(self):\n"
-                    "        return []\n\ndef nothing():\n    return None\n")
+                    "        return []\n\ndef nothing():\n    return None\n"
+                    "class Fussy:\n    def __init__(self, size):\n        raise ValueError('no')\n")
+    with pytest.raises(PlannerError, match=r"cannot take the options .*size.*: ValueError: no"):
+        make_planner(f"{idle}:Fussy", {"size": 1})
     for name, made in (("Idle", "an? Idle"), ("Deaf", "a Deaf"), ("nothing", "a NoneType")):
         with pytest.raises(PlannerError, match=rf"gives {made} that cannot be asked; .*__call__"):
             make_planner(f"{idle}:{name}", {})
