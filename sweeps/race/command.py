@@ -43,7 +43,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     with terminated_as_interrupted(), store.lock(options.shard):
         for line in store.open_for(plan, spec_text(spec, settings), options.device):
             note(line)
-        begin_race_note(store.logs, metric, over)
+        begin_race_note(plan, store, metric, over)
         try:
             further = (course.further if options.shard[1] == 1 else
                        SharedRungs(course.further, store, options.shard).further)

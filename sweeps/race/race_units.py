@@ -23,7 +23,8 @@ from sweeps.analysis.entries import (
 )
 from sweeps.analysis.paired import failure_score
 from sweeps.race.elimination import Part
-from sweeps.run.plan import BLOCK, Plan, Unit, cell_hash, unit_id
+from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
+from sweeps.run.race_record import object_order, race_blocks
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.spec.cell import Cell, batch_key
@@ -60,10 +61,7 @@ class RaceUnits:
         self.store, self.metric, self.over = store, metric, over
         self.axes = entry_axes(plan, None)[0]
         self.entries = entries_of(plan, self.axes)
-        bodies = len(plan.study.objects)
-        order = np.random.Generator(np.random.Philox(
-            np.random.SeedSequence([plan.study.head.seed, bodies]))).permutation(bodies)
-        self.order = [int(body) for body in order]
+        self.order = object_order(plan.study)
         self._together: dict[str, str] = {}  # by a cell's hash: what it can be run together with
         self._cells: dict[tuple[int, int], list[tuple[Cell, str]]] = {}
         self.missing: list[Unit] = []
@@ -96,7 +94,7 @@ class RaceUnits:
         """The units of some replicates, those that can be run in one call side by side."""
         together: dict[str, list[Unit]] = {}
         for entry, start, stop in asked:
-            for body, first, last in self._blocks(start, stop):
+            for body, first, last in race_blocks(self.plan.study, self.over, start, stop):
                 for unit in self._units(entry, body, first, last):
                     together.setdefault(self._together[unit.cell_hash], []).append(unit)
         return [unit for units in together.values() for unit in units]
@@ -145,20 +143,9 @@ class RaceUnits:
     def _by_object(self, start: int, stop: int) -> dict[int, list[tuple[int, int]]]:
         """The blocks of episodes of some replicates, by object."""
         found: dict[int, list[tuple[int, int]]] = {}
-        for body, first, last in self._blocks(start, stop):
+        for body, first, last in race_blocks(self.plan.study, self.over, start, stop):
             found.setdefault(body, []).append((first, last))
         return found
-
-    def _blocks(self, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
-        """(object, first, last) of each block of episodes of some replicates."""
-        if self.over == "like-these":
-            each = self.plan.study.head.episodes_per_cell
-            whole = [(body, 0, each) for body in self.order[start:stop]]
-        else:
-            whole = [(body, start, stop) for body in range(len(self.order))]
-        for body, first, last in whole:
-            for begin in range(first, last, BLOCK):
-                yield body, begin, min(begin + BLOCK, last)
 
     def _values(self, entry: int, body: int, blocks: Sequence[tuple[int, int]]) -> np.ndarray:
         """The scores of an entry on an object, (case, episode); NaN where there is none."""

@@ -6,10 +6,11 @@ from typing import Any
 
 from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import HIGHER_IS_BETTER
-from sweeps.race.race_note import race_state, read_race_note
+from sweeps.race.race_note import race_state
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import amount
 from sweeps.run.plan import Plan, Unit
+from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
 from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import (

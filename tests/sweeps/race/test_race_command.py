@@ -73,7 +73,7 @@ def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
     assert told["reached"]
     found = rows(out)
     assert found == told["table"]
-    assert cli.run(["leaderboard", str(out)]) == 0
+    assert cli.run(["leaderboard", str(out)]) == 3
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
     assert [row["verdict"] for row in found].count("best") == 1
     assert [row["strategy"] for row in found[-2:]] == ["horse", "elephant"]
