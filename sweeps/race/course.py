@@ -45,10 +45,10 @@ class Course:
     def further(self) -> Sequence[Unit]:
         """Takes in the rung that has been run, and gives the units of the next."""
         if self.asked:
-            found = self.units.scores(self.asked)
+            found, unknown = self.units.scores(self.asked)
             if damaged := self.units.missing:
                 return self._once_more(damaged)
-            look = self.race.take(self.asked, found, self.units.worst)
+            look = self.race.take(self.asked, found, self.units.worst, unknown)
             note(self._line(look))
             self.looked()
             self.asked = []

@@ -6,7 +6,7 @@ study's seed. Axes that do not define entries are averaged over.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,7 +22,7 @@ from sweeps.analysis.entries import (
     values_of,
 )
 from sweeps.analysis.paired import failure_score
-from sweeps.race.elimination import Part
+from sweeps.race.elimination import Part, Unknown
 from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
 from sweeps.run.race_record import object_order, race_blocks
 from sweeps.run.store import Store
@@ -99,11 +99,12 @@ class RaceUnits:
                     together.setdefault(self._together[unit.cell_hash], []).append(unit)
         return [unit for units in together.values() for unit in units]
 
-    def scores(self, asked: Sequence[Part]) -> list[np.ndarray]:
-        """The scores of what was asked, each (stratum, replicate), less being better.
+    def scores(self, asked: Sequence[Part]) -> tuple[list[np.ndarray], Unknown]:
+        """The scores of what was asked, each (stratum, replicate), less being better; and what is
+        not known of them.
 
-        An episode without a score counts as the worst that any entry has had on its object, or
-        was given.
+        An episode without a score counts as the worst that any entry has had on its object by now,
+        or was given.
         """
         self.missing = []
         before = self.statuses.copy(), self._touches.copy()
@@ -115,25 +116,29 @@ class RaceUnits:
         for of_objects in raw:
             for body, values in of_objects.items():
                 self._note_worst(body, values)
+        known, shares = ([self._replicates(of_objects, what) for of_objects in raw] for what in (
+            lambda values: np.where(np.isfinite(values), values, 0.0),
+            lambda values: ~np.isfinite(values)))
+        bodies = self.order if self.over == "like-these" else range(len(self.order))
+        costs = np.array([self._cost(body) for body in bodies])
+        return known, Unknown(shares, costs[None] if self.over == "like-these" else costs[:, None])
+
+    def _replicates(self, of_objects: dict[int, np.ndarray],
+                    what: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """The mean of something over the cases of each replicate, (stratum, replicate)."""
+        rows = [what(values).mean(axis=0) for values in of_objects.values()]
+        return np.array([[row.mean() for row in rows]] if self.over == "like-these" else rows)
+
+    def _cost(self, body: int) -> float:
+        """What an episode without a score counts as on an object, by now."""
         score = failure_score(self.metric)
-        found = []
-        for of_objects in raw:
-            rows = []
-            for body, values in of_objects.items():
-                worst = self._worst.get(body, 0.0) if score is None else score
-                rows.append(np.where(np.isfinite(values), values, worst).mean(axis=0))
-            found.append(np.array([[row.mean() for row in rows]])
-                         if self.over == "like-these" else np.array(rows))
-        return found
+        return self._worst.get(body, 0.0) if score is None else score
 
     @property
     def worst(self) -> np.ndarray:
         """What a replicate scores whose episodes all have no score, (stratum,)."""
-        score = failure_score(self.metric)
-        if self.over == "like-these":
-            return np.array([max(self._worst.values(), default=0.0) if score is None else score])
-        return np.array([self._worst.get(body, 0.0) if score is None else score
-                         for body in range(len(self.order))])
+        costs = np.array([self._cost(body) for body in range(len(self.order))])
+        return costs.max(keepdims=True) if self.over == "like-these" else costs
 
     def _note_worst(self, body: int, values: np.ndarray) -> None:
         known = values[np.isfinite(values)]
