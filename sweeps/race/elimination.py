@@ -90,6 +90,12 @@ class Look:
         return max(0.0, float(-self.lower[~self.out].min()))
 
     @property
+    def at_least(self) -> np.ndarray:
+        """By how much each entry is worse than the leader at least, (entry,); 0 or less of those
+        that are not out: at their level one that is above 0 may well be chance."""
+        return np.where(self.out, self.lower, np.minimum(self.lower, 0.0))
+
+    @property
     def tied(self) -> np.ndarray:
         """Entries not known to be worse than the leader, bool (entry,)."""
         return ~self.out

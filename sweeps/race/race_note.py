@@ -34,7 +34,7 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
     entries = [{
         "label": found.labels[n], "mean": _number(sign * found.means[n]),
-        "worse_by": _number(last.difference[n]), "at_least": _number(last.lower[n]),
+        "worse_by": _number(last.difference[n]), "at_least": _number(found.at_least[n]),
         "verdict": verdict_name(last, n), "episodes": int(found.episodes[n]),
         "touches": _number(touches[n]),
         "entry": n, "stops": [] if stage else _stops(found.looks, n)} for n in found.order]

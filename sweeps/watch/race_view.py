@@ -68,8 +68,10 @@ class RaceView:
             "race", self.plan.study.head.name or self.store.folder.name, pace.running,
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,
             found["metric"],
-            f"Bars begin at the lower bound of how much worse than the first an entry is. All "
-            f"bounds hold together, at every rung, {100 * found['confidence']:g} %. Not better: "
+            "Bars begin at the lower bound of how much worse than the first an entry is. That one "
+            "called worse is not has a chance of at most "
+            f"{100 - 100 * found['confidence']:.3g} %, over all entries and rungs together; that "
+            "the best of all is better than the first by more than its bound, too. Not better: "
             "not known to be worse, but better by at most "
             f"{amount(found['within'], found['metric'])}.",
             tuple(self._row(entry, first, found) for entry in entries[:ROWS]),
