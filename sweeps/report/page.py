@@ -10,7 +10,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from strategies.ready_made import REFERENCE
 from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
@@ -124,9 +123,9 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
-    worse = [line for line in board.notes if f" is worse than {REFERENCE}" in line]
-    notes += [*worse[:NAMED], *([f"and {len(worse) - NAMED} more like that"] if len(worse) > NAMED
-                               else [])]
+    said = set(notes)  # of few objects, too, in other words
+    notes += [line for line in board.notes
+              if line not in said and not line.startswith("the ranking is of")]
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<ul class="warnings">{items}</ul>' if notes else ""
 
