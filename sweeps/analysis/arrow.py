@@ -2,20 +2,29 @@
 
 A flat file has one row an episode, a contact, or a point of a curve, and plain columns alone: the
 swept keys are columns too. What has no value is null (an empty cell in CSV), so that means skip
-it. Strategies come in the order of the spec, then objects, settings and episodes.
+it. Strategies come in the order of the spec, then objects, settings and episodes. Of a race there
+are the episodes that each entry took, in the rungs that are over.
 """
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from itertools import groupby
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import pyarrow as pa
 
-from sweeps.analysis.entries import value_text
+from sweeps.analysis.entries import (
+    averaged_points,
+    entries_of,
+    entry_axes,
+    setting_index,
+    value_text,
+)
 from sweeps.output import atomic_file
-from sweeps.run.plan import Plan, Unit, cell_hash
+from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
+from sweeps.run.race_record import race_of, taken_blocks
 from sweeps.run.store import Store, damaged_notes, open_study
 from sweeps.run.unit_file import Columns, holds_lists
 from sweeps.spec.errors import StoreError
@@ -32,11 +41,12 @@ def read_rows(*folders: str | Path) -> pa.Table:
 
     Beside the columns of the units, `setting` numbers the point of the swept axes, and each swept
     key is a column of its own, as text. `folders` hold one study, or its shards. Raises StoreError
-    for a directory that cannot be read, OtherStudy where they are not of one study.
+    for a directory that cannot be read or the race of a search, OtherStudy where they are not of
+    one study.
     """
     plan, stores = open_study([Path(folder) for folder in folders])
     parts: list[pa.Table] = []
-    for unit, setting in _units(plan):
+    for unit, setting in _units(plan, stores):
         rows = _first(store.read(unit) for store in stores)
         if rows is not None:
             count = len(rows["status"])
@@ -58,10 +68,11 @@ def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list
     plan, stores = open_study(folders)
     find, _ = KINDS[what]
     known = _contact_types(plan, stores) if what == "contacts" else {}
-    finished = found = count = failed = 0
+    units = finished = found = count = failed = 0
     waiting: list[pa.Table] = []
     with atomic_file(out) as stream, _writer(stream, out.suffix) as write:
-        for unit, setting in _units(plan):
+        for unit, setting in _units(plan, stores):
+            units += 1
             if not any(store.path(unit).exists() for store in stores):
                 failed += any(store.log(unit).exists() for store in stores)
                 continue
@@ -78,17 +89,42 @@ def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list
         if not found:
             raise StoreError(_nothing(folders[0], finished, what))
         write(waiting)
-    return count, [*_notes(plan, failed, finished, found, what), *damaged_notes(stores)]
+    return count, [*_race_notes(plan, stores), *_notes(units, failed, finished, found, what),
+                   *damaged_notes(stores)]
 
 
-def _units(plan: Plan) -> Iterator[tuple[Unit, int]]:
-    """Every unit with the number of its setting."""
+def _units(plan: Plan, stores: Sequence[Store]) -> Iterator[tuple[Unit, int]]:
+    """Every unit with the number of its setting; of a race those of the rungs that are over."""
     study = plan.study
+    if races := [note for store in stores if (note := race_of(plan, store)) is not None]:
+        yield from _race_units(plan, races, stores[0].folder)
+        return
     for strategy, body, setting in sorted(study.cells()):
         cell = study.cell(strategy, body, setting)
         name = cell_hash(cell, study.objects[body])
         for block in range(plan.block_count):
             yield plan.unit(cell, name, block), setting
+
+
+def _race_units(plan: Plan, races: Sequence[dict[str, Any]], folder: Path
+                ) -> Iterator[tuple[Unit, int]]:
+    """Those that the notes of a race name, in the order of the study."""
+    study = plan.study
+    if study.search is not None:
+        raise StoreError(f"{folder} holds a race of what a [search] proposed: see its search.csv "
+                         "and race.csv. Rows are of entries that the spec itself has", 3)
+    axes = entry_axes(plan, None)[0]
+    entries = {entry.label: entry for entry in entries_of(plan, axes)}
+    blocks = {(entries[told["label"]].strategy, body,
+               setting_index(plan, case | entries[told["label"]].points), first, last)
+              for race in races for told in race["entries"] if told["label"] in entries
+              for body, first, last in taken_blocks(study, race, told["stops"])
+              for case in averaged_points(plan, axes)}
+    for indices, of_cell in groupby(sorted(blocks), key=lambda block: block[:3]):
+        cell = study.cell(*indices)
+        name = cell_hash(cell, study.objects[indices[1]])
+        for *_, first, last in of_cell:
+            yield Unit(unit_id(name, first, last), name, cell, first, last), indices[2]
 
 
 def _first(found: Iterator[Columns | None]) -> Columns | None:
@@ -127,7 +163,7 @@ KINDS: dict[str, tuple[Callable[[Sequence[Store], Unit], Columns | None], str]] 
 def _contact_types(plan: Plan, stores: Sequence[Store]) -> dict[str, pa.DataType]:
     """The columns of the contacts of all units: hands differ in their number of joints."""
     found: dict[str, pa.DataType] = {}
-    for unit, _ in _units(plan):
+    for unit, _ in _units(plan, stores):
         for store in stores:
             found = store.contact_types(unit) | found
     return found
@@ -220,11 +256,18 @@ def _nothing(folder: Path, finished: int, what: str) -> str:
     return f"{folder}: holds no curves"
 
 
-def _notes(plan: Plan, failed: int, finished: int, found: int, what: str) -> Iterator[str]:
+def _race_notes(plan: Plan, stores: Sequence[Store]) -> Iterator[str]:
+    for store in stores:
+        if race_of(plan, store) is not None:
+            yield (f"{store.folder} holds a race: rows are those of its rungs that are over, of an "
+                   "entry as many as it took part in")
+
+
+def _notes(units: int, failed: int, finished: int, found: int, what: str) -> Iterator[str]:
     if failed:
-        yield (f"{failed} of {plan.unit_count} units failed and have no rows; see "
+        yield (f"{failed} of {units} units failed and have no rows; see "
                "logs/*.failed.log")
-    if missing := plan.unit_count - finished - failed:
-        yield f"{missing} of {plan.unit_count} units are missing"
+    if missing := units - finished - failed:
+        yield f"{missing} of {units} units are missing"
     if found < finished:
         yield f"{finished - found} finished units have no {KINDS[what][1]}"

@@ -3,8 +3,10 @@
 An episode's error is that of its last body so far, and stays after its end. Rows of a strategy
 that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
 episodes that have no fit yet are left out; where they are more than one in twenty there is no
-mean (a mean over the quick ones alone would flatter). Intervals are those of a leaderboard, at
-each point by itself; medians of the table `reach` have them from bootstrap replicates.
+mean (a mean over the quick ones alone would flatter). Episodes of a unit that failed count as the
+worst all along: nobody knows when they would have had a fit. Intervals are those of a
+leaderboard, at each point by itself; medians of the table `reach` have them from bootstrap
+replicates.
 """
 
 from collections.abc import Sequence
@@ -32,7 +34,7 @@ from sweeps.analysis.entries import (
     values_of,
 )
 from sweeps.analysis.interval import ObjectMeans
-from sweeps.analysis.paired import by_episode, filled, interval_note, reading_notes
+from sweeps.analysis.paired import by_episode, filled, interval_note, lost_notes, reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
@@ -78,6 +80,11 @@ class Curves:
         return bool(bodies) and max(bodies) == 1
 
     @property
+    def lost(self) -> list[str]:
+        """Objects on which no episode of any entry has an error."""
+        return _lost(self.objects, self.steps)
+
+    @property
     def draws(self) -> int:
         """Of how many a replicate draws: the objects, or the episodes of these objects."""
         if self.over == "like-these":
@@ -112,13 +119,21 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
             priors.append(np.concatenate(of_priors, axis=1))
             for axis, of_entries in mine.items():
                 steps[axis].append(_failures_filled(of_entries, priors[-1]))
-    over = population(over, len(objects))
+    lost = _lost(objects, steps)
+    over = population(over, len(objects) - len(lost))
     drawn = object_weights(seed, len(objects)) if over == "like-these" else np.ones(
         (1 + REPLICATES, len(objects)))
     return Curves(tuple(entries), tuple(objects), steps, priors, episodes,
                   _weights(seed, episodes, over),
                   drawn, over, seed,
-                  (*reading_notes(plan, missing, len(objects)), interval_note(over)))
+                  (*reading_notes(plan, missing, len(objects) - len(lost)),
+                   *lost_notes(lost, ERROR), interval_note(over)))
+
+
+def _lost(objects: Sequence[str], steps: dict[str, list[list[list[Steps]]]]) -> list[str]:
+    """Objects on which no episode of any entry has an error."""
+    return [name for name, of_entries in zip(objects, steps["touches"], strict=True)
+            if not any(np.isfinite(error).any() for found in of_entries for _, error in found)]
 
 
 def _weights(seed: int, episodes: Sequence[list[tuple[int, int]]], over: str) -> list[np.ndarray]:
@@ -179,12 +194,20 @@ def on_grid(steps: Steps, grid: np.ndarray) -> np.ndarray:
     return np.where(last >= 0, error[np.maximum(last, 0)], np.nan)
 
 
+def _throughout(steps: Steps, grid: np.ndarray) -> np.ndarray:
+    """As `on_grid`; of an episode that nobody timed, for its unit failed, its error everywhere."""
+    at, error = steps
+    return on_grid(steps, grid) if np.isfinite(at[-1]) else np.full(len(grid), error[-1])
+
+
 def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estimate:
     """The mean over objects, then episodes, with its interval; NaN where too few have a fit."""
     points = ObjectMeans(len(grid), 0)
     unknown = np.zeros(len(grid))
-    for found, own in zip(curves.steps[axis], curves.episodes, strict=True):
-        values = np.array([on_grid(steps, grid) for steps in found[entry]])
+    for name, found, own in zip(curves.objects, curves.steps[axis], curves.episodes, strict=True):
+        if name in curves.lost:
+            continue
+        values = np.array([_throughout(steps, grid) for steps in found[entry]])
         points.add(by_episode(_completed(values), own))
         unknown = np.maximum(unknown, 1.0 - np.isfinite(values).mean(axis=0))
     found = points.values(curves.over, bounds_of(ERROR))
@@ -223,7 +246,8 @@ class Reach:
 
 
 def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
-    """The median over episodes, every object weighing the same, with its interval.
+    """The median over episodes, every object weighing the same, with its interval. An episode
+    without an error never reaches a bound, also on an object where none has one.
 
     There is no interval of one object's few episodes; that of few objects is widened as they
     deserve.

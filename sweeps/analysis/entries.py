@@ -54,6 +54,8 @@ class Entry:
     strategy: int
     label: str
     points: dict[int, int]  # axis -> point
+    setting: str = ""
+    """What the label says of the points, such as "strategy.count=3"; empty where nothing."""
 
 
 @dataclass(frozen=True)
@@ -103,8 +105,9 @@ def entries_of(plan: Plan, axes: Sequence[int]) -> list[Entry]:
                                 for n in axes)):
             told = [text for n, point in zip(axes, points, strict=True) if n not in idle
                     for text in texts[n][point]]
-            label = strategy.name + (f" [{', '.join(told)}]" if told else "")
-            entries.append(Entry(number, label, dict(zip(axes, points, strict=True))))
+            setting = ", ".join(told)
+            entries.append(Entry(number, strategy.name + (f" [{setting}]" if told else ""),
+                                 dict(zip(axes, points, strict=True)), setting))
     return entries
 
 

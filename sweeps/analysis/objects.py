@@ -82,30 +82,21 @@ def objects_table(paired: Paired, metric: str) -> TextTable:
 
 def beside_table(paired: Paired) -> TextTable:
     """The table of `warpgrasp table DIR beside`: means of each strategy on each object, the
-    settings of a study side by side."""
-    of_strategies: dict[int, list[int]] = {}  # entries, all strategies' in the same order
+    settings of a study side by side; empty where a strategy has no such setting."""
+    columns: dict[tuple[str, int], None] = {}  # a setting, and which of the same text it is
+    of_strategies: dict[int, dict[tuple[str, int], int]] = {}  # entries by their columns
     for n, entry in enumerate(paired.entries):
-        of_strategies.setdefault(entry.strategy, []).append(n)
-    first = next(iter(of_strategies.values()), [])
-    settings = [_setting(paired, n) for n in first]
+        own = of_strategies.setdefault(entry.strategy, {})
+        column = entry.setting, sum(setting == entry.setting for setting, _ in own)
+        own[column] = n
+        columns[column] = None
     header = ("object", "strategy", *(f"{metric} {setting}".strip() for metric in BESIDE
-                                      for setting in settings))
+                                      for setting, _ in columns))
     rows = []
     for number, name in enumerate(paired.objects):
         for own in of_strategies.values():
-            values = [paired.values[metric][number][:, n].mean() for metric in BESIDE for n in own]
-            rows.append((name, _strategy_of(paired, own[0]),
-                         *(number_text(float(v), 2) for v in values)))
+            first = paired.entries[next(iter(own.values()))]
+            cells = (number_text(float(paired.values[metric][number][:, own[column]].mean()), 2)
+                     if column in own else "" for metric in BESIDE for column in columns)
+            rows.append((name, first.label.removesuffix(f" [{first.setting}]"), *cells))
     return TextTable(header, tuple(rows), paired.notes)
-
-
-def _setting(paired: Paired, entry: int) -> str:
-    """An entry's setting as its label ends; a name of the user's may hold brackets itself."""
-    return paired.labels[entry][len(_strategy_of(paired, entry)):].strip().removeprefix(
-        "[").removesuffix("]")
-
-
-def _strategy_of(paired: Paired, entry: int) -> str:
-    """The name of an entry's strategy: its label without a setting."""
-    label = paired.labels[entry]
-    return label.rpartition(" [")[0] or label if paired.entries[entry].points else label

@@ -23,7 +23,7 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 
-FEW_EPISODES = 32  # of one object, below which skewed scores make its interval too short
+FEW_EPISODES = 48  # of all objects, below which skewed scores make their interval too short
 MANY_OBJECTS = 6  # below, the spread between objects is hardly known
 
 
@@ -166,7 +166,7 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
                   (*reading_notes(plan, missing, count), *lost_notes(lost, metrics[0]),
-                   *few_episodes_note(count, min(map(len, values[metrics[0]]), default=0)),
+                   *few_episodes_note(count, sum(map(len, known[metrics[0]]))),
                    interval_note(over)), over)
 
 
@@ -224,10 +224,11 @@ def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndar
 
 
 def few_episodes_note(objects: int, episodes: int) -> Iterator[str]:
-    """A warning where the interval of these objects rests on few episodes of one object."""
-    if objects == 1 and 1 < episodes < FEW_EPISODES:
-        yield (f"one object, {episodes} episodes: below {FEW_EPISODES} the interval of these "
-               "objects holds less often than 95 %")
+    """A warning where the interval of these objects rests on few episodes of all of them."""
+    if objects < episodes < FEW_EPISODES:
+        of = "one object" if objects == 1 else f"{objects} objects"
+        yield (f"{of}, {episodes} episodes in all: below {FEW_EPISODES} the interval of these "
+               "objects holds less often than 95 % if a few are far worse than the rest")
 
 
 def reading_notes(plan: Plan, missing: int, objects: int) -> Iterator[str]:

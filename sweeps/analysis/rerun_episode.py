@@ -14,6 +14,7 @@ from sweeps.output import init_warp, quiet_stdout
 from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
 from sweeps.run.plan import Plan
+from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError, choose
@@ -38,7 +39,8 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
 
     `strategy` can be an entry's name in the leaderboard, which names the setting too. Where several
     entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
-    are at their first point. Raises StoreError for what the study does not have.
+    are at their first point. Raises StoreError for what the study does
+    not have, and of a race, which has no leaderboard, where several are meant.
     """
     names = [s.name for s in plan.study.strategies]
     bodies = [b.name for b in plan.study.objects]
@@ -55,6 +57,7 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
              if strategy in (None, entry.label, names[entry.strategy])}
     label = next(iter(meant))
     if len(meant) > 1:
+        refuse_races(plan, stores)
         label = next(row[1] for row in make_leaderboard(plan, stores).rows if row[1] in meant)
     points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points
     return Episode(meant[label].strategy, 0 if body is None else bodies.index(body), episode,

@@ -20,7 +20,8 @@ from sweeps.analysis.pareto import COST, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan
-from sweeps.run.store import Store, damaged_notes, open_study
+from sweeps.run.race_record import open_sweep
+from sweeps.run.store import Store, damaged_notes
 from sweeps.spec.errors import StoreError
 from sweeps.text_table import TextTable, print_table
 
@@ -70,7 +71,7 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
           against: str | None, over: str | None, as_json: bool) -> int:
     """Prints one of the tables, and writes it as CSV."""
     check_metric(metric)
-    plan, stores = open_study(folders)
+    plan, stores = open_sweep(folders)
     made = KINDS[kind][0](Asked(plan, stores, metric, against, over))
     if out is not None:
         try:

@@ -12,13 +12,14 @@ from sweeps.analysis.bootstrap import population
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
-from sweeps.race.race_note import end_race_note, race_state, read_race_note
+from sweeps.race.race_note import end_race_note, race_state
 from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
+from sweeps.run.race_record import open_sweep, read_race_note
 from sweeps.run.scheduler import Outcome
-from sweeps.run.store import Store, damaged_notes, open_study, plan_of
+from sweeps.run.store import Store, damaged_notes, plan_of
 from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
@@ -190,7 +191,7 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 
     `over` chooses the interval that is printed; the file has both.
     """
-    plan, stores = open_study(folders)
+    plan, stores = open_sweep(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
     board = make_leaderboard(plan, stores, metric, names)
     if out is not None:
@@ -199,10 +200,6 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
     _show(board, as_json, over)
-    for store in stores:
-        if (store.folder / "race.csv").exists():
-            note(f"{store.folder} holds a race, whose outcome is in its race.csv; a leaderboard is "
-                 "of the episodes of a sweep")
     for line in damaged_notes(stores):
         note(line)
     return DONE

@@ -11,6 +11,7 @@ from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
 from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan, plan_study
+from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
@@ -26,7 +27,8 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
     """Prints what changed from A to B, what they share, and its differences.
 
     Of spec files only the changes. Raises LeaderboardError where two studies share nothing or no
-    episode of it is finished, StoreError and SpecError for what cannot be read.
+    episode of it is finished, StoreError and SpecError for what cannot be read, StoreError for a
+    race.
     """
     check_metric(metric)
     sides = [_read(path) for path in (one, other)]
@@ -40,6 +42,8 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
         else:
             _print_changes(changed)
         return 0
+    refuse_races(plan, mine)
+    refuse_races(later, theirs)
     if not as_json:
         _print_changes(changed)
         print()

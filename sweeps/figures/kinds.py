@@ -22,6 +22,7 @@ from sweeps.figures.pareto import draw_pareto
 from sweeps.figures.style import encode
 from sweeps.output import note, say, write_atomic
 from sweeps.run.plan import Plan
+from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
 
@@ -104,6 +105,10 @@ KINDS: dict[str, Callable[[Asked], "Figure"]] = {
 }
 
 
+OF_EPISODE = ("contacts", "faces", "contour", "taxels", "grasp")
+"""Kinds that compare nothing: a race has such episodes, too."""
+
+
 def contacts_of_episode(asked: Asked) -> bytes:
     """The guarded moves of the chosen episode, run again, as `explore` writes them; a CSV file.
 
@@ -125,7 +130,7 @@ def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strate
     """Draws one figure into a file, whose ending names the format; contacts as numbers where that
     is .csv."""
     check_metric(metric)
-    plan, stores = open_study(folders)
+    plan, stores = (open_study if kind in OF_EPISODE else open_sweep)(folders)
     asked = Asked(plan, stores, metric, strategy, object_, episode, over)
     if kind == "contacts" and out.suffix == ".csv":
         content = contacts_of_episode(asked)

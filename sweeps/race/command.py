@@ -3,6 +3,7 @@
 import json
 import time
 from collections.abc import Sequence
+from math import isfinite
 from pathlib import Path
 
 from sweeps.analysis.entries import LeaderboardError, check_metric
@@ -43,7 +44,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     with terminated_as_interrupted(), store.lock(options.shard):
         for line in store.open_for(plan, spec_text(spec, settings), options.device):
             note(line)
-        begin_race_note(store.logs, metric, over)
+        begin_race_note(plan, store, metric, over)
         try:
             further = (course.further if options.shard[1] == 1 else
                        SharedRungs(course.further, store, options.shard).further)
@@ -64,7 +65,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     if not found.reached:
         spent = "time" if course.late else "budget of episodes" if episodes else "objects"
         note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
-             "more of it goes on from here")
+             f"more {'of them' if spent == 'objects' else 'of it'} may tell")
     if outcome.failed:
         note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
     return int(bool(outcome.failed or outcome.lost))
@@ -96,8 +97,8 @@ def _show(found: Verdict, as_json: bool, more: dict[str, str]) -> None:
     lines, made = {**summary(found), **more}, race_table(found)
     if as_json:
         rows = [dict(zip(made.header, row, strict=True)) for row in made.rows]
-        print(json.dumps({**lines, "reached": found.reached, "within": found.within,
-                          "table": rows}, indent=1))
+        print(json.dumps({**lines, "reached": found.reached, "table": rows,
+                          "within": found.within if isfinite(found.within) else None}, indent=1))
         return
     width = max(map(len, lines))
     for name, text in lines.items():

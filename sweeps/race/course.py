@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+import numpy as np
+
 from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError, bounds_of
 from sweeps.output import note
 from sweeps.race.elimination import Look, Part, Race, Rules
@@ -45,10 +47,10 @@ class Course:
     def further(self) -> Sequence[Unit]:
         """Takes in the rung that has been run, and gives the units of the next."""
         if self.asked:
-            found = self.units.scores(self.asked)
+            found, unknown = self.units.scores(self.asked)
             if damaged := self.units.missing:
                 return self._once_more(damaged)
-            look = self.race.take(self.asked, found, self.units.worst)
+            look = self.race.take(self.asked, found, self.units.worst, unknown)
             note(self._line(look))
             self.looked()
             self.asked = []
@@ -82,11 +84,12 @@ class Course:
         each = int(look.replicates.max())
         what = ("episodes on each object" if self.units.over == "these" else "objects")
         best = self.units.entries[look.leader].label
-        known = amount(look.within if look.open.any() else self.race.rules.within,
-                       self.units.metric)
+        within = verdict_of(self.race, self.units).within
+        known = (f"within {amount(within, self.units.metric)} of the best" if np.isfinite(within)
+                 else "nothing can be claimed yet")
         return (f"rung {look.number}, {each} {what}: {int(look.out.sum()):,} of "
                 f"{len(look.out):,} entries are worse, {int(look.open.sum()):,} may be better by "
-                f"more; {best} leads, within {known} of the best")
+                f"more; {best} leads, {known}")
 
 
 def rules_of(within: float, confidence: float, start: int, cap: float | None, metric: str) -> Rules:

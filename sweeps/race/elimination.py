@@ -90,6 +90,12 @@ class Look:
         return max(0.0, float(-self.lower[~self.out].min()))
 
     @property
+    def at_least(self) -> np.ndarray:
+        """By how much each entry is worse than the leader at least, (entry,); 0 or less of those
+        that are not out: at their level one that is above 0 may well be chance."""
+        return np.where(self.out, self.lower, np.minimum(self.lower, 0.0))
+
+    @property
     def tied(self) -> np.ndarray:
         """Entries not known to be worse than the leader, bool (entry,)."""
         return ~self.out
@@ -104,6 +110,17 @@ Part = tuple[int, int, int]
 """An entry, and the replicates `start` to `stop` that are asked of it."""
 
 
+@dataclass(frozen=True)
+class Unknown:
+    """What is not known of some scores, because episodes failed without one."""
+
+    shares: Sequence[np.ndarray]
+    """Of each entry that was asked, how much of a replicate's score it is, (stratum, replicate)."""
+    costs: np.ndarray
+    """What that counts as now, also in the replicates of earlier rungs: (stratum, 1), or of each
+    replicate (stratum, replicate)."""
+
+
 class Race:
     """A race of some entries, rung by rung: ask, sample, take, until nothing is asked.
 
@@ -114,6 +131,8 @@ class Race:
         self.rules = rules
         self.looks: list[Look] = []
         self._scores: list[np.ndarray] = [np.zeros((0, 0))] * entries
+        self._known = list(self._scores)  # the same without what is not known,
+        self._shares = list(self._scores)  # and how much of each that is
         self._out = np.zeros(entries, bool)
         self._running = np.ones(entries, bool)
         self.last_rung = np.zeros(entries, int)
@@ -165,17 +184,21 @@ class Race:
         return [(int(e), int(count[e]), int(stop[e])) for e in np.flatnonzero(stop > count)]
 
     def take(self, asked: Sequence[Part], found: Sequence[np.ndarray],
-             worst: np.ndarray | None = None) -> Look:
+             worst: np.ndarray | None = None, unknown: Unknown | None = None) -> Look:
         """Takes in the scores of what was asked, each (stratum, replicate), less being better.
 
-        `worst` (stratum,) is how bad a replicate may be, though none was so bad yet.
+        `worst` (stratum,) is how bad a replicate may be, though none was so bad yet. What is
+        `unknown` is no part of the scores, and counts as much in all rungs, so that entries stay
+        paired.
         """
         number = len(self.looks) + 1
-        for (entry, start, _), values in zip(asked, found, strict=True):
-            cut = np.clip(values, *self.rules.bounds) if self.rules.bounds else values
-            self._scores[entry] = (np.concatenate([self._scores[entry], cut], axis=1) if start
-                                   else np.asarray(cut, float))
+        shares = unknown.shares if unknown else [np.zeros_like(values) for values in found]
+        for (entry, start, _), values, share in zip(asked, found, shares, strict=True):
+            for kept, new in ((self._known, values), (self._shares, share)):
+                kept[entry] = (np.concatenate([kept[entry], new], axis=1) if start
+                               else np.asarray(new, float))
             self.last_rung[entry] = number
+        self._scores = [self._complete(entry, unknown) for entry in range(len(self._known))]
         before = self.looks[-1].leader if self.looks else None
         look = judge(number, self._scores, self._out, self.rules, before, worst)
         self.looks.append(look)
@@ -186,6 +209,14 @@ class Race:
         if self.rules.everyone and look.open.any():
             self._running[:] = True
         return look
+
+
+    def _complete(self, entry: int, unknown: Unknown | None) -> np.ndarray:
+        """An entry's scores as they count now, cut at the rules' bounds."""
+        values, shares = self._known[entry], self._shares[entry]
+        if unknown is not None and shares.any():
+            values = values + shares * unknown.costs[:, :shares.shape[1]]
+        return np.clip(values, *self.rules.bounds) if self.rules.bounds else values
 
 
 def _affordable(count: np.ndarray, stop: np.ndarray, budget: int | None) -> np.ndarray:

@@ -61,7 +61,7 @@ def _draw_entries(axes: "Axes", found: Verdict) -> None:
         if not chosen.any():
             continue
         if name != "worse":
-            axes.vlines(last.replicates[chosen], last.lower[chosen], last.difference[chosen],
+            axes.vlines(last.replicates[chosen], found.at_least[chosen], last.difference[chosen],
                         color=colour, lw=0.5, alpha=0.6)
         axes.plot(last.replicates[chosen], last.difference[chosen], marker, color=colour, ms=2.6,
                   mew=0.6, label=f"{name} ({int(chosen.sum()):,})")

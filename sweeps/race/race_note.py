@@ -1,7 +1,8 @@
 """How a race stands after its last look, as a note beside its logs: what `warpgrasp watch` shows.
 
-No result depends on the note. A race that is resumed writes it again, look by look. A sweep that
-begins in the same directory removes it: what was worked on last is shown.
+No result of a race depends on the note. A race that is resumed writes it again, look by look. A
+sweep that begins in the same directory removes it: what was worked on last is shown, and tables are
+of sweeps alone (`sweeps.run.race_record`).
 """
 
 import json
@@ -18,12 +19,9 @@ from sweeps.analysis.entries import HIGHER_IS_BETTER
 from sweeps.output import write_atomic
 from sweeps.race.elimination import Look
 from sweeps.race.verdict import Verdict, claim, verdict_name
-
-NAME = "race.json"
-WHOLE = {"stage", "objects", "within", "confidence", "reached", "claim", "statuses"}
-ENTRY = {"label", "mean", "worse_by", "at_least", "verdict", "episodes", "touches", "entry",
-         "stops"}
-"""Keys of the note of a race that has looked, and of its entries."""
+from sweeps.run.plan import Plan
+from sweeps.run.race_record import RACE_NOTE, read_race_note, swept_before
+from sweeps.run.store import Store
 
 
 def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
@@ -36,12 +34,14 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
     entries = [{
         "label": found.labels[n], "mean": _number(sign * found.means[n]),
-        "worse_by": _number(last.difference[n]), "at_least": _number(last.lower[n]),
+        "worse_by": _number(last.difference[n]), "at_least": _number(found.at_least[n]),
         "verdict": verdict_name(last, n), "episodes": int(found.episodes[n]),
         "touches": _number(touches[n]),
         "entry": n, "stops": [] if stage else _stops(found.looks, n)} for n in found.order]
+    before = read_race_note(logs) or {}
     content = {
-        "stage": stage, "metric": found.metric, "over": found.over, "objects": found.objects,
+        "swept": before.get("swept", ""), "stage": stage, "metric": found.metric,
+        "over": found.over, "objects": found.objects,
         "within": found.rules.within, "confidence": found.rules.confidence,
         "reached": found.reached, "claim": claim(found), "equal": _number(found.equal),
         "rungs": [{"replicates": int(look.replicates.max()), "taking": taking,
@@ -51,16 +51,18 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     _write(logs, content)
 
 
-def begin_race_note(logs: Path, metric: str, over: str) -> None:
-    """Writes the note of a race that has not looked yet, unless it has one."""
-    if read_race_note(logs) is None:
-        _write(logs, {"metric": metric, "over": over, "rungs": [], "entries": []})
+def begin_race_note(plan: Plan, store: Store, metric: str, over: str) -> None:
+    """Writes the note of a race that has not looked yet, unless there is one: with what it is of,
+    and of which study the sweep was finished before."""
+    if read_race_note(store.logs) is None:
+        _write(store.logs, {"swept": swept_before(plan, store), "metric": metric, "over": over,
+                            "rungs": [], "entries": []})
 
 
 def end_race_note(logs: Path) -> None:
     """Removes the note: from now on the directory is a sweep's."""
     with suppress(OSError):
-        (logs / NAME).unlink(missing_ok=True)
+        (logs / RACE_NOTE).unlink(missing_ok=True)
 
 
 def race_state(found: Mapping[str, Any], running: bool) -> str:
@@ -73,22 +75,9 @@ def race_state(found: Mapping[str, Any], running: bool) -> str:
     return f"{found['stage']}: {state}" if found["stage"] else state
 
 
-def read_race_note(logs: Path) -> dict[str, Any] | None:
-    """The note of a race; None where there is none, or none of this form that can be read."""
-    try:
-        found = json.loads((logs / NAME).read_bytes())
-        begun = {"metric", "over", "rungs", "entries"} <= set(found)
-        looked = set(found) >= WHOLE and bool(found["entries"]) and all(
-            set(entry) >= ENTRY for entry in found["entries"])
-        known = begun and (looked or not found["rungs"])
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
-        return None
-    return found if known else None
-
-
 def _write(logs: Path, content: dict[str, Any]) -> None:
     with suppress(OSError):  # a full disk must not stop a race over a note
-        write_atomic(logs / NAME, (json.dumps(content) + "\n").encode())
+        write_atomic(logs / RACE_NOTE, (json.dumps(content) + "\n").encode())
 
 
 def taking_part(looks: tuple[Look, ...]) -> list[int]:

@@ -6,7 +6,7 @@ study's seed. Axes that do not define entries are averaged over.
 """
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -22,8 +22,9 @@ from sweeps.analysis.entries import (
     values_of,
 )
 from sweeps.analysis.paired import failure_score
-from sweeps.race.elimination import Part
-from sweeps.run.plan import BLOCK, Plan, Unit, cell_hash, unit_id
+from sweeps.race.elimination import Part, Unknown
+from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
+from sweeps.run.race_record import object_order, race_blocks
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.spec.cell import Cell, batch_key
@@ -60,10 +61,7 @@ class RaceUnits:
         self.store, self.metric, self.over = store, metric, over
         self.axes = entry_axes(plan, None)[0]
         self.entries = entries_of(plan, self.axes)
-        bodies = len(plan.study.objects)
-        order = np.random.Generator(np.random.Philox(
-            np.random.SeedSequence([plan.study.head.seed, bodies]))).permutation(bodies)
-        self.order = [int(body) for body in order]
+        self.order = object_order(plan.study)
         self._together: dict[str, str] = {}  # by a cell's hash: what it can be run together with
         self._cells: dict[tuple[int, int], list[tuple[Cell, str]]] = {}
         self.missing: list[Unit] = []
@@ -96,16 +94,17 @@ class RaceUnits:
         """The units of some replicates, those that can be run in one call side by side."""
         together: dict[str, list[Unit]] = {}
         for entry, start, stop in asked:
-            for body, first, last in self._blocks(start, stop):
+            for body, first, last in race_blocks(self.plan.study, self.over, start, stop):
                 for unit in self._units(entry, body, first, last):
                     together.setdefault(self._together[unit.cell_hash], []).append(unit)
         return [unit for units in together.values() for unit in units]
 
-    def scores(self, asked: Sequence[Part]) -> list[np.ndarray]:
-        """The scores of what was asked, each (stratum, replicate), less being better.
+    def scores(self, asked: Sequence[Part]) -> tuple[list[np.ndarray], Unknown]:
+        """The scores of what was asked, each (stratum, replicate), less being better; and what is
+        not known of them.
 
-        An episode without a score counts as the worst that any entry has had on its object, or
-        was given.
+        An episode without a score counts as the worst that any entry has had on its object by now,
+        or was given.
         """
         self.missing = []
         before = self.statuses.copy(), self._touches.copy()
@@ -117,25 +116,29 @@ class RaceUnits:
         for of_objects in raw:
             for body, values in of_objects.items():
                 self._note_worst(body, values)
+        known, shares = ([self._replicates(of_objects, what) for of_objects in raw] for what in (
+            lambda values: np.where(np.isfinite(values), values, 0.0),
+            lambda values: ~np.isfinite(values)))
+        bodies = self.order if self.over == "like-these" else range(len(self.order))
+        costs = np.array([self._cost(body) for body in bodies])
+        return known, Unknown(shares, costs[None] if self.over == "like-these" else costs[:, None])
+
+    def _replicates(self, of_objects: dict[int, np.ndarray],
+                    what: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """The mean of something over the cases of each replicate, (stratum, replicate)."""
+        rows = [what(values).mean(axis=0) for values in of_objects.values()]
+        return np.array([[row.mean() for row in rows]] if self.over == "like-these" else rows)
+
+    def _cost(self, body: int) -> float:
+        """What an episode without a score counts as on an object, by now."""
         score = failure_score(self.metric)
-        found = []
-        for of_objects in raw:
-            rows = []
-            for body, values in of_objects.items():
-                worst = self._worst.get(body, 0.0) if score is None else score
-                rows.append(np.where(np.isfinite(values), values, worst).mean(axis=0))
-            found.append(np.array([[row.mean() for row in rows]])
-                         if self.over == "like-these" else np.array(rows))
-        return found
+        return self._worst.get(body, 0.0) if score is None else score
 
     @property
     def worst(self) -> np.ndarray:
         """What a replicate scores whose episodes all have no score, (stratum,)."""
-        score = failure_score(self.metric)
-        if self.over == "like-these":
-            return np.array([max(self._worst.values(), default=0.0) if score is None else score])
-        return np.array([self._worst.get(body, 0.0) if score is None else score
-                         for body in range(len(self.order))])
+        costs = np.array([self._cost(body) for body in range(len(self.order))])
+        return costs.max(keepdims=True) if self.over == "like-these" else costs
 
     def _note_worst(self, body: int, values: np.ndarray) -> None:
         known = values[np.isfinite(values)]
@@ -145,20 +148,9 @@ class RaceUnits:
     def _by_object(self, start: int, stop: int) -> dict[int, list[tuple[int, int]]]:
         """The blocks of episodes of some replicates, by object."""
         found: dict[int, list[tuple[int, int]]] = {}
-        for body, first, last in self._blocks(start, stop):
+        for body, first, last in race_blocks(self.plan.study, self.over, start, stop):
             found.setdefault(body, []).append((first, last))
         return found
-
-    def _blocks(self, start: int, stop: int) -> Iterator[tuple[int, int, int]]:
-        """(object, first, last) of each block of episodes of some replicates."""
-        if self.over == "like-these":
-            each = self.plan.study.head.episodes_per_cell
-            whole = [(body, 0, each) for body in self.order[start:stop]]
-        else:
-            whole = [(body, start, stop) for body in range(len(self.order))]
-        for body, first, last in whole:
-            for begin in range(first, last, BLOCK):
-                yield body, begin, min(begin + BLOCK, last)
 
     def _values(self, entry: int, body: int, blocks: Sequence[tuple[int, int]]) -> np.ndarray:
         """The scores of an entry on an object, (case, episode); NaN where there is none."""

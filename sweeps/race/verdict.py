@@ -44,8 +44,24 @@ class Verdict:
 
     @property
     def within(self) -> float:
-        """How near to the best the leader is for certain, at the race's confidence."""
-        return self.rules.within if self.reached else self.last.within
+        """How near to the best the leader is for certain, at the race's confidence; infinite where
+        that says nothing."""
+        if self.reached:
+            return self.rules.within
+        return self.last.within if self.last.within < self.room else float("inf")
+
+    @property
+    def room(self) -> float:
+        """How much better than the leader's mean any mean can be: no score is below 0, no share
+        above 1."""
+        best = -1.0 if self.metric in HIGHER_IS_BETTER else 0.0
+        return float(self.means[self.last.leader]) - best
+
+    @property
+    def at_least(self) -> np.ndarray:
+        """`Look.at_least`; NaN of open entries where it says nothing."""
+        found = self.last.at_least
+        return np.where(self.last.open & (found <= -self.room), np.nan, found)
 
     @property
     def order(self) -> list[int]:
@@ -132,8 +148,8 @@ def race_table(found: Verdict) -> TextTable:
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
     rows = tuple((
         str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
-        number_text(float(last.difference[n]), digits), number_text(float(last.lower[n]), digits),
-        verdict_name(last, n),
+        number_text(float(last.difference[n]), digits),
+        number_text(float(found.at_least[n]), digits), verdict_name(last, n),
         str(found.last_rung[n]), str(found.episodes[n]))
         for rank, n in enumerate(found.order, 1))
     return TextTable(("rank", "strategy", metric, "worse_by", "worse_by_at_least", "verdict",

@@ -10,7 +10,6 @@ from html import escape
 from pathlib import Path
 from typing import Any
 
-from strategies.ready_made import REFERENCE
 from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
@@ -31,7 +30,8 @@ from sweeps.report.sections import (
 )
 from sweeps.report.views import Views, make_views, pick_episodes, pick_objects
 from sweeps.run.plan import Plan
-from sweeps.run.store import Store, open_study
+from sweeps.run.race_record import open_sweep
+from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 
 METRIC = "chamfer_mm"
@@ -46,7 +46,7 @@ def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
     """Writes the report of a study and prints its path; StoreError where it cannot be written."""
     if wrong := why_unwritable(out):
         raise StoreError(wrong)
-    plan, stores = open_study(folders)
+    plan, stores = open_sweep(folders)
     content = make_report(plan, stores, views=views, device=device, workers=workers)
     try:
         write_atomic(out, content)
@@ -62,10 +62,6 @@ def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
     """
     board = make_leaderboard(plan, stores)
     paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
-    for folder in (store.folder for store in stores if not paired.objects):
-        if (folder / "race.csv").exists():
-            raise StoreError(f"{folder} holds a race, whose outcome is in its race.csv and "
-                             "race.svg; a report is of the episodes of a sweep")
     if not paired.objects:
         raise StoreError(f"{stores[0].folder}: no block of episodes is finished for every "
                          "strategy yet; `warpgrasp status` says how far it is")
@@ -127,9 +123,9 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
-    worse = [line for line in board.notes if f" is worse than {REFERENCE}" in line]
-    notes += [*worse[:NAMED], *([f"and {len(worse) - NAMED} more like that"] if len(worse) > NAMED
-                               else [])]
+    said = set(notes)  # of few objects, too, in other words
+    notes += [line for line in board.notes
+              if line not in said and not line.startswith("the ranking is of")]
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<ul class="warnings">{items}</ul>' if notes else ""
 

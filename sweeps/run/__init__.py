@@ -13,6 +13,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "plan": ["BLOCK", "LEAST_RUNS", "Plan", "Unit", "by_key", "canonical_body", "cell_hash",
              "differences", "digest", "part_of", "plan_study", "unit_id"],
     "progress": ["Progress", "read_note"],
+    "race_record": ["RACE_NOTE", "object_order", "open_sweep", "race_blocks", "race_of",
+                    "read_race_note", "refuse_races", "swept_before", "taken_blocks"],
     "ray_engine": ["run_on_ray"],
     "scheduler": ["Outcome"],
     "store": ["Store", "damaged_notes", "open_study", "plan_of"],

@@ -6,10 +6,11 @@ from typing import Any
 
 from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import HIGHER_IS_BETTER
-from sweeps.race.race_note import race_state, read_race_note
+from sweeps.race.race_note import race_state
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import amount
 from sweeps.run.plan import Plan, Unit
+from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
 from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import (
@@ -67,8 +68,10 @@ class RaceView:
             "race", self.plan.study.head.name or self.store.folder.name, pace.running,
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,
             found["metric"],
-            f"Bars begin at the lower bound of how much worse than the first an entry is. All "
-            f"bounds hold together, at every rung, {100 * found['confidence']:g} %. Not better: "
+            "Bars begin at the lower bound of how much worse than the first an entry is. That one "
+            "called worse is not has a chance of at most "
+            f"{100 - 100 * found['confidence']:.3g} %, over all entries and rungs together; that "
+            "the best of all is better than the first by more than its bound, too. Not better: "
             "not known to be worse, but better by at most "
             f"{amount(found['within'], found['metric'])}.",
             tuple(self._row(entry, first, found) for entry in entries[:ROWS]),

@@ -13,10 +13,11 @@ from sweeps.analysis.settings import effects
 
 
 def test_settings_stand_side_by_side() -> None:
-    labels = ("a [errors.scale=0]", "a [errors.scale=1]", "b [errors.scale=0]",
-              "b [errors.scale=1]")
     values = np.array([[1.0, 2.0, 3.0, 4.0], [3.0, 4.0, 5.0, 8.0]])  # two episodes
-    paired = Paired(tuple(Entry(n // 2, label, {0: n % 2}) for n, label in enumerate(labels)),
+    settings = ("errors.scale=0", "errors.scale=1")
+    entries = tuple(Entry(n, f"{name} [{text}]", {0: point}, text)
+                    for n, name in enumerate("ab") for point, text in enumerate(settings))
+    paired = Paired(entries,
                     ("block", "wedge"), {"chamfer_mm": (values, 2 * values),
                                          "iou": (values / 10, values / 20)}, {}, ())
     table = beside_table(paired)
@@ -64,6 +65,37 @@ def test_names_that_hold_brackets_are_whole(tmp_path: Path, sweep: bool) -> None
     ends = [f" sensors.tendon_threshold_N={n}" for n in (3, 6)] if sweep else [""]
     assert table.header[2:] == tuple(f"{metric}{end}" for metric in BESIDE for end in ends)
     assert [row[1] for row in table.rows] == ["a [b=1]", "a [c=1]"] * 2
+
+
+IDLE = SMALL.replace("= 70", "= 4").replace(
+    '"ring6"', '"plan [b=1]"\nstrategy = "even"\nbudget = { touches = 24 }')
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_a_value_stands_below_its_own_setting(tmp_path: Path, turned: bool) -> None:
+    """Of a strategy that a swept key says nothing of there is one column, with nothing else in
+    it."""
+    text = IDLE + '[sweep.grid]\n"strategy.tilt_deg" = [40, 50]\n'
+    if turned:
+        head, plan, ring = text.partition("[sweep")[0].split("[[strategy]]")
+        text = "[[strategy]]".join([head, ring, plan]) + text[text.index("[sweep"):]
+    plan = plan_of(tmp_path, text)
+    paired = read_paired(plan, [fill(tmp_path, plan)], BESIDE)
+    table = beside_table(paired)
+    own = [f"{metric}{end}" for metric in BESIDE
+           for end in ("", " strategy.tilt_deg=40", " strategy.tilt_deg=50")]
+    assert sorted(table.header[2:]) == sorted(own)
+    assert len(table.rows) == 4
+    for row in table.rows:
+        cells = dict(zip(table.header, row, strict=True))
+        one = row[1] == "plan [b=1]"
+        for metric in BESIDE:
+            assert [cells[name] != "" for name in own if name.startswith(metric)] == [
+                one, not one, not one]
+            for n, entry in enumerate(paired.entries):
+                if entry.label.startswith(row[1]):
+                    mean = paired.values[metric][paired.objects.index(row[0])][:, n].mean()
+                    assert cells[f"{metric} {entry.setting}".strip()] == f"{mean:.2f}"
 
 
 def test_a_study_that_sweeps_nothing_has_one_column_a_metric() -> None:

@@ -152,6 +152,42 @@ def test_intervals_at_the_end_are_the_leaderboards(tmp_path: Path, over: str) ->
             board[label][f"chamfer_mm{key}"] for key in ("", f"_{named}_low", f"_{named}_high")]
 
 
+@pytest.mark.parametrize("episodes", [70, 134])
+def test_a_unit_that_failed_counts_as_the_worst_at_the_end(tmp_path: Path, episodes: int) -> None:
+    """Its six episodes, one in twelve or in 22, were left out, or the whole mean was."""
+    plan = plan_of(tmp_path, wide_text(2, 2, episodes))
+    store = Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    for unit in plan.units():
+        count = unit.stop - unit.start
+        if unit.cell.strategy.name == "s" and count == 6 and unit.cell.object_name == "block":
+            store.log(unit).write_text("it broke")
+            continue
+        errors = np.random.default_rng(int(unit.id[:8], 16)).gamma(2.0, 2.0, count)
+        write_unit(store.path(unit), unit.id, {
+            "episode": np.arange(unit.start, unit.stop), "status": np.full(count, "ok", object),
+            "touches": np.full(count, 8), "robot_time_s": np.full(count, 50.0),
+            "chamfer_mm": errors, "prior_chamfer_mm": np.full(count, 40.0)})
+    curves = read_curves(plan, [store], "these")
+    last = {row["strategy"]: row for row in table_rows(curves_table(curves))}
+    for row in table_rows(make_leaderboard(plan, [store]))[:2]:
+        assert [last[row["strategy"]][key] for key in ("chamfer_mm", "ci_low", "ci_high")] == [
+            row[f"chamfer_mm{key}"] for key in ("", "_these_low", "_these_high")]
+    assert reach(curves, "touches", 0, 50.0).share == pytest.approx(1.0 - 3 / episodes)
+
+
+def test_an_object_without_any_error_is_named_and_left_out(tmp_path: Path) -> None:
+    def rows(unit: Unit) -> Columns:
+        lost = unit.cell.object_name == "block"
+        return {"chamfer_mm": np.full(8, np.nan) if lost else np.arange(1.0, 9.0),
+                "robot_time_s": np.full(8, 50.0)}
+
+    plan, store = written(tmp_path, 3, rows)
+    made = curves_table(read_curves(plan, [store]))
+    assert {row["chamfer_mm"] for row in table_rows(made)} == {"4.500"}
+    assert any("no entry has a chamfer_mm on block" in note for note in made.notes)
+
+
 def test_a_mean_of_most_has_the_interval_of_those_alone() -> None:
     values = np.random.default_rng(3).normal(5.0, 1.0, (40, 2))
     values[[3, 20], 0] = np.nan

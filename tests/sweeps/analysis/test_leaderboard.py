@@ -198,7 +198,19 @@ def test_few_episodes_are_few_however_many_points_they_are_averaged_over(tmp_pat
     plan = plan_of(tmp_path, text)
     board = make_leaderboard(plan, [fill(tmp_path, plan)])
     assert {row["n_episodes"] for row in rows_of(board)} == {"36"}
-    assert any(line.startswith("one object, 12 episodes: below 32") for line in board.notes)
+    assert any(line.startswith("one object, 12 episodes in all: below 48") for line in board.notes)
+
+
+@pytest.mark.parametrize(("episodes", "told"), [(1, False), (8, True), (23, True), (24, False)])
+def test_few_episodes_of_several_objects_are_told(tmp_path: Path, episodes: int,
+                                                  told: bool) -> None:
+    """Of three objects with eight episodes, a few of them bad, intervals held in 76 %."""
+    plan = plan_of(tmp_path, SMALL.replace("cell = 70", f"cell = {episodes}"))
+    store = fill(tmp_path, plan)
+    for notes in (make_leaderboard(plan, [store]).notes,
+                  read_paired(plan, [store], ["chamfer_mm"]).notes):
+        assert told == any(f"2 objects, {2 * episodes} episodes in all: below 48" in line
+                           for line in notes)
 
 
 def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: Path) -> None:

@@ -73,7 +73,7 @@ def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
     assert told["reached"]
     found = rows(out)
     assert found == told["table"]
-    assert cli.run(["leaderboard", str(out)]) == 0
+    assert cli.run(["leaderboard", str(out)]) == 3
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
     assert [row["verdict"] for row in found].count("best") == 1
     assert [row["strategy"] for row in found[-2:]] == ["horse", "elephant"]
@@ -245,3 +245,33 @@ def test_one_entry_is_no_race(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     one = SPEC.replace(', "wedge", "funnel"', "")
     assert race(write_spec(tmp_path, one), tmp_path / "out", "--over", "like-these") == 2
     assert "nothing follows from one object" in capsys.readouterr().err
+
+
+def test_a_positive_bound_is_of_those_that_are_worse(tmp_path: Path) -> None:
+    """Entries "not known to be worse" were worse by 0.38 mm at least."""
+    for seed in ("7", "8", "9"):
+        out = tmp_path / seed
+        assert race(write_spec(tmp_path, SPEC), out, "--set", f"seed={seed}") == 0
+        found = rows(out)
+        assert not [row for row in found
+                    if row["verdict"] == "tied" and float(row["worse_by_at_least"]) > 0.0]
+        note = json.loads((out / "logs/race.json").read_text())
+        assert [entry["at_least"] for entry in note["entries"]] == pytest.approx(
+            [float(row["worse_by_at_least"]) for row in found], abs=6e-4)
+
+
+@pytest.mark.parametrize("words", [("--over", "like-these"), ("--budget-episodes", "37")])
+def test_what_exceeds_all_that_can_be_is_no_claim(
+        tmp_path: Path, words: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
+    """No score is below 0; a race ended "within 280 mm of the best", or 10 km."""
+    out = tmp_path / "out"
+    assert race(write_spec(tmp_path, SPEC), out, "--json", *words) == 0
+    printed = capsys.readouterr()
+    assert json.loads(printed.out)["claim"] == "nothing can be claimed yet"
+    assert json.loads(printed.out)["within"] is None
+    assert "leads, nothing can be claimed yet" in printed.err
+    mean = float(rows(out)[0]["chamfer_mm"])
+    for row in rows(out):
+        bound = row["worse_by_at_least"]
+        assert bound == "NA" or float(bound) > -mean
+    assert "NA" in {row["worse_by_at_least"] for row in rows(out)}

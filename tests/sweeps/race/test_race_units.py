@@ -5,6 +5,7 @@ from typing import Any
 
 import fake_episodes
 import numpy as np
+import pytest
 from studies import SMALL, plan_of
 
 from sweeps.race.course import Course
@@ -30,8 +31,9 @@ def test_a_unit_that_failed_counts_as_the_worst_that_any_entry_had_or_was_given(
         rows["prior_chamfer_mm"] += 20.0
         worst[unit.cell.object_name] = rows["prior_chamfer_mm"].max()
         write_files(store.path(unit), unit.id, rows)
-    found = units.scores(asked)[1]  # (object, episode)
-    assert np.array_equal(found, np.tile([[worst["block"]], [worst["wedge"]]], 8))
+    found, unknown = units.scores(asked)  # (object, episode)
+    counted = found[1] + unknown.shares[1] * unknown.costs
+    assert np.array_equal(counted, np.tile([[worst["block"]], [worst["wedge"]]], 8))
     assert np.array_equal(units.worst, [worst["block"], worst["wedge"]])
 
 
@@ -40,10 +42,10 @@ class Told(Race):
 
     worst: Any = None
 
-    def take(self, asked: Any, found: Any, worst: Any = None) -> Look:
+    def take(self, asked: Any, found: Any, worst: Any = None, unknown: Any = None) -> Look:
         """Takes note."""
         self.worst = worst
-        return super().take(asked, found, worst)
+        return super().take(asked, found, worst, unknown)
 
 
 def test_a_race_knows_after_its_first_rung_what_a_failure_would_cost(tmp_path: Path) -> None:
@@ -73,3 +75,47 @@ def test_of_objects_like_these_a_whole_object_may_be_lost(tmp_path: Path) -> Non
     units.scores([(0, 0, 2)])
     assert np.array_equal(units.worst, [most])
     assert np.array_equal(RaceUnits(plan, store, "iou", "like-these").worst, [0.0])
+
+
+@pytest.mark.parametrize(("over", "cap"), [("these", None), ("like-these", None), ("these", 40.0)])
+def test_failures_of_all_rungs_count_as_the_worst_that_is_known_by_now(
+        tmp_path: Path, over: str, cap: float | None) -> None:
+    """A failure kept what it counted as in its own rung: two of the same entry counted 9 and
+    60 mm, and early ones were cheap."""
+    text = SMALL.replace("= 70", "= 4").replace(
+        '"block", "wedge"', ", ".join(f'"{name}"' for name in OBJECTS))
+    plan, store = plan_of(tmp_path, text), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    rules = Rules(1e-6, start=4, everyone=True, bounds=None if cap is None else (0.0, cap))
+    course = Course(Race(2, rules), RaceUnits(plan, store, "chamfer_mm", over))
+    scores: dict[str, dict[str, list[float]]] = {"ring6": {}, "mine": {}}
+    units = course.further()
+    for rung in range(2):
+        assert units
+        for unit in units:
+            rows = run_units(fake_episodes.given_episodes, [unit], "cpu")[0]
+            count = len(rows["status"])
+            errors = np.random.default_rng(int(unit.id[:8], 16)).gamma(2.0, 5.0, count)
+            if unit.cell.strategy.name == "mine":
+                errors[::2] = np.nan
+            elif rung == 1:
+                errors[-1] = 60.0
+            rows |= {"chamfer_mm": errors, "status": np.full(count, "ok", object)}
+            write_files(store.path(unit), unit.id, rows)
+            own = scores[unit.cell.strategy.name].setdefault(unit.cell.object_name, [])
+            own += [*errors, *rows["prior_chamfer_mm"] * 1j]  # of priors the worst counts alone
+        units = course.further()
+    expected = []
+    for of_objects in scores.values():
+        means = []
+        for name in scores["ring6"]:
+            every = np.array([*scores["ring6"][name], *scores["mine"][name]])
+            worst = np.nanmax([np.nanmax(every.real), every.imag.max()])
+            own = np.array([v.real for v in of_objects[name] if not v.imag])
+            means.append(np.minimum(np.where(np.isnan(own), worst, own), cap or np.inf).mean())
+        expected.append(np.mean(means))
+    assert course.race.means == pytest.approx(expected)
+
+
+OBJECTS = ("block", "wedge", "funnel", "lightbulb", "wine_bottle", "beer_bottle", "coke_bottle",
+           "orangina_bottle", "large_cylinder", "small_cylinder")

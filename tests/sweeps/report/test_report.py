@@ -1,6 +1,7 @@
 """The report: its markup, its numbers, and its behaviour in a headless Chromium."""
 
 import base64
+import html
 import re
 import subprocess
 import sys
@@ -202,6 +203,18 @@ def test_a_study_of_failures_alone(tmp_path: Path) -> None:
     assert "Is the difference real?" not in page
     with pytest.raises(LeaderboardError, match="no entry has a value"):
         pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm", "best")
+
+
+def test_a_report_says_what_the_leaderboard_does(tmp_path: Path) -> None:
+    """Such as that units failed, whose episodes alone may decide the ranking."""
+    plan, store = wide_study(tmp_path, wide_text(2, 3, 70))
+    broken = next(unit for unit in plan.units() if unit.stop - unit.start == 6)
+    store.path(broken).unlink()
+    store.log(broken).write_text("it broke")
+    text = html.unescape(make_report(plan, [store], views=False).decode())
+    notes = [line for line in make_leaderboard(plan, [store]).notes if "ranking" not in line]
+    assert any("1 of 6 units failed" in line for line in notes)
+    assert [line for line in notes if line not in text] == []
 
 
 def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:

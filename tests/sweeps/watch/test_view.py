@@ -15,8 +15,8 @@ from studies import fill, plan_of, write_spec
 from sweeps.analysis.curves import grid_of, mean_curve, read_curves
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.cli import main as cli
-from sweeps.race.race_note import read_race_note
 from sweeps.run import worker
+from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_files
 from sweeps.run.worker import run_units
@@ -225,7 +225,7 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     assert "tied" not in told  # such an entry may be far behind
     assert "not better" in told
     capsys.readouterr()
-    assert cli.run(["report", str(out), "-o", str(tmp_path / "r.html")]) == 2
+    assert cli.run(["report", str(out), "-o", str(tmp_path / "r.html")]) == 3
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
 
 
