@@ -14,7 +14,7 @@ from sweeps.figures.style import (
     DASHES,
     MARKERS,
     MUTED,
-    cut,
+    cut_apart,
     distinct_labels,
     drawing,
     figure,
@@ -132,7 +132,7 @@ def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) ->
     at = shown[0].at
     if at is None:
         at = np.arange(len(shown[0].levels), dtype=float)
-        axes.set_xticks(at, [cut(level, 18) for level in shown[0].levels],
+        axes.set_xticks(at, cut_apart(shown[0].levels, 18),
                         rotation=25 if len(at) > 3 else 0,
                         ha="right" if len(at) > 3 else "center", rotation_mode="anchor")
     elif at.min() > 0.0 and at.max() > at.min() * 10.0**DECADES:
@@ -143,6 +143,7 @@ def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) ->
     scaled, undone = (np.log, np.exp) if axes.get_xscale() == "log" else (np.asarray, np.asarray)
     steps, beside = np.diff(np.sort(scaled(at))), min(len(names), len(COLOURS))
     apart = min(APART * steps.sum(), 0.7 * steps.min(initial=np.inf) / beside)
+    short = dict(zip(names, cut_apart(names, 24), strict=True))
     for effect in sorted(shown, key=lambda e: -names.index(e.strategy)):  # the best on top
         place, mine = names.index(effect.strategy), at if effect.at is None else effect.at
         if place >= len(COLOURS):
@@ -154,6 +155,6 @@ def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) ->
         axes.vlines(x, effect.low, effect.high, color=COLOURS[place], lw=0.8)
         axes.plot(x[order], effect.value[order], color=COLOURS[place],
                   ls="none" if effect.at is None else DASHES[place],
-                  marker=MARKERS[place], ms=3, label=cut(effect.strategy, 24))
+                  marker=MARKERS[place], ms=3, label=short[effect.strategy])
     axes.set_xlabel(shown[0].factor)
     axes.grid(axis="y", lw=0.3, color="#d0d0d0")

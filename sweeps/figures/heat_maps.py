@@ -9,7 +9,7 @@ from sweeps.analysis.confusion import Confusion
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import effects
-from sweeps.figures.style import COLUMN_IN, UNITS, cut, drawing, figure
+from sweeps.figures.style import COLUMN_IN, UNITS, cut, cut_apart, drawing, figure
 from sweeps.run.plan import Plan
 from sweeps.spec.errors import choose
 from sweeps.text_table import number_text
@@ -41,9 +41,9 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
         axes = drawn.add_subplot()
         text = [[f"{100 * value:.0f}" if value > 0 else "" for value in row] for row in share]
         cells = _heat_map(axes, share, "Blues", (0.0, 1.0), text, share > 0.5)
-        axes.set_xticks(range(len(found.answers)), [cut(name, 18) for name in found.answers],
+        axes.set_xticks(range(len(found.answers)), cut_apart(found.answers, 18),
                         rotation=60, ha="right", rotation_mode="anchor")
-        axes.set_yticks(range(len(found.objects)), [cut(name, 18) for name in found.objects])
+        axes.set_yticks(range(len(found.objects)), cut_apart(found.objects, 18))
         axes.set(xlabel="recognized as", ylabel="object felt")
         axes.set_title(f"{cut(label, 50)}\n{100 * found.recognized[label]:.1f} % recognized")
         bar: Any = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
@@ -79,7 +79,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
                              abs(off) > 0.65 * largest)
             axes.set_xticks(range(table.shape[1]), [
                 level.replace(" to ", "\nto ") for level in levels[factor]])
-            axes.set_yticks(range(len(row)), [cut(effect.strategy, 22) for effect in row])
+            axes.set_yticks(range(len(row)), cut_apart([effect.strategy for effect in row], 22))
             axes.set_xlabel(factor)
         assert cells is not None
         bar: Any = drawn.colorbar(cells, ax=list(panels), fraction=0.04,

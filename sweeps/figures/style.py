@@ -7,7 +7,8 @@ Figures are one column of a journal wide (85 mm). Colours suit colour-blind read
 import io
 import re
 import warnings
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -113,12 +114,35 @@ def distinct_labels(labels: Sequence[str], width: int) -> tuple[list[str], str]:
     settings = [[part.partition("=") for part in match[2].split(", ")] for match in found if match]
     keys = {tuple(key for key, _, _ in parts) for parts in settings}
     if not labels or len(settings) < len(labels) or len(keys) > 1:
-        return [cut(label, width) for label in labels], ""
-    short = []
-    for match, parts in zip(found, settings, strict=True):
-        values = " [" + ", ".join(value for _, _, value in parts) + "]"
-        short.append(cut(match[1] if match else "", max(width - len(values), 6)) + values)
+        return cut_apart(labels, width), ""
+    values = [" [" + ", ".join(value for _, _, value in parts) + "]" for parts in settings]
+    heads = [match[1] for match in found if match]
+    short = [cut(head, max(width - len(of), 6)) + of
+             for head, of in zip(heads, values, strict=True)]
+    if len(set(short)) < len(set(labels)):
+        heads = cut_apart(heads, max(width - max(map(len, values)), 6))
+        short = [head + of for head, of in zip(heads, values, strict=True)]
     return short, f"[{', '.join(keys.pop())}]"
+
+
+def cut_apart(labels: Sequence[str], width: int) -> list[str]:
+    """Labels of at most `width` characters that differ where the whole ones do: cut at the end, or
+    in the middle, or else numbered."""
+    ends = width // 2
+    short = {label: cut(label, width) for label in labels}
+    alike = _alike(short)
+    short |= {label: f"{label[:width - 1 - ends]}…{label[-ends:]}" for label in alike
+              if len(label) > width}
+    for number, label in enumerate(_alike(short), 1):
+        tail = f"…{number}"
+        short[label] = label[:width - len(tail)] + tail
+    return [short[label] for label in labels]
+
+
+def _alike(short: Mapping[str, str]) -> list[str]:
+    """Labels of which another one is shortened to the same."""
+    count = Counter(short.values())
+    return [label for label, text in short.items() if count[text] > 1]
 
 
 def cut(label: str, width: int = 30) -> str:

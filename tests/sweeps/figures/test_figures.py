@@ -366,6 +366,14 @@ def test_short_labels_still_tell_entries_apart() -> None:
     assert len(set(names)) == 2
     assert distinct_labels(["ring6", "a name with [brackets]"], 30) == (
         ["ring6", "a name with [brackets]"], "")
+    plain = [f"a rather long strategy name that goes on, number {n}" for n in range(12)]
+    same_ends = [f"a rather long strategy name, number {n}, of many" for n in range(12)]
+    swept = [f"{name} [sensors.tendon_threshold_N={n}, b=True]" for name in plain for n in (3, 6)]
+    for labels in (plain, same_ends, swept, [*plain, *plain]):
+        for width in (18, 22, 26):
+            names, _ = distinct_labels(labels, width)
+            assert len(set(names)) == len(set(labels))
+            assert max(map(len, names)) <= max(width, 6 + len(" [3, True]"))
 
 
 def test_intervals_of_two_objects_leave_the_others_to_be_seen() -> None:
