@@ -87,7 +87,8 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
     return [
         '<a class="skip" href="#board">To the leaderboard</a><header>',
         f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),
-        paragraph(f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
+        paragraph("No strategy has a score." if best[METRIC] == "NA" else
+                  f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
                   f"interval of objects like these {best[METRIC + '_ci_low']} to "
                   f"{best[METRIC + '_ci_high']}), IoU {best['iou']}. {_rivals(board)}", "lead"),
         "</header><main>", _warnings(board, paired, shown),

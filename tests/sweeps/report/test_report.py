@@ -201,6 +201,8 @@ def test_a_study_of_failures_alone(tmp_path: Path) -> None:
     page = make_report(plan, [store], views=False).decode()
     assert "more than 20% of the episodes failed" in page
     assert "Is the difference real?" not in page
+    assert "No strategy has a score." in page
+    assert "First is" not in page
     with pytest.raises(LeaderboardError, match="no entry has a value"):
         pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm", "best")
 
