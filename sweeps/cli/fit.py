@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fit.arrays import joined
-from fit.fit_status import FitStatus, status_names
+from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus, status_names
 from fit.points_csv import (
     PointSets,
     plane_rows,
@@ -41,9 +41,6 @@ LARGE_RMS_M = 0.002
 """Touches of a fingertip are nearer to the body that they were made on [est]."""
 MOST_NAMED = 10
 """Sets named in one message."""
-FAR, LEAST_EXTENT_M = 10.0, 0.05
-"""What is touched from so many times its extent (at least) above a table on does not stand on it.
-"""
 
 
 def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
