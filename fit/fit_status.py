@@ -10,6 +10,10 @@ LEAST_FALL = 1e-12
 """Default tolerance: a fit has converged when a round of iterations lowers its cost by less than
 this fraction."""
 
+FAR, LEAST_EXTENT_M = 10.0, 0.05
+"""What is touched from so many times its extent (at least) above a table on does not stand on it.
+"""
+
 
 class FitStatus(IntEnum):
     """Outcome of one fit; only `converged` means an optimum, within the tolerance of the fit."""
@@ -27,7 +31,9 @@ class FitStatus(IntEnum):
     degenerate_plane = 5
     """All points lie in a plane, so the thickness of a solid is unknown."""
     bad_points = 6
-    """An unmasked point or its evidence is NaN or beyond 1e12 m, or a variance is negative."""
+    """An unmasked point or its evidence is NaN or beyond 1e12 m, a variance is negative, or the
+    table is no height that a body touched there stands on: all points lie below it, or far above
+    it (`FAR`)."""
 
 
 def status_names(status) -> list[str]:

@@ -1,12 +1,16 @@
 """Planes from touches, in batch: robust total least squares, with extents and covariance.
 
 Orthogonal regression has a closed form, the eigenvector of the scatter with the least eigenvalue.
-Outliers are found by a search over triples of points (least trimmed squares, Rousseeuw 1984), then
-weighted by Tukey's biweight.
+Outliers are found by a search over triples of points (least trimmed squares, Rousseeuw 1984). Of
+many touches they are then weighted by Tukey's biweight. Few tell no scale to weigh by: there the
+nearest half of them grows as long as the next touch passes a deletion test (Hadi and Simonoff 1993,
+Procedures for the identification of multiple outliers in linear models), and all that passed count
+alike. Without outliers that is least squares.
 """
 
 import numpy as np
 from jaxtyping import Bool, Float
+from scipy.special import stdtrit
 
 from fit.fit_status import FitStatus
 from fit.plane_record import PlaneFit
@@ -24,6 +28,13 @@ TUKEY = 4.685
 ROUNDS = 25
 SETTLED = 1e-8
 """Largest change of the weights in a round at convergence."""
+MANY = 16
+"""Touches from which on their median distance tells a scale to weigh them by."""
+LEVEL = 0.01
+"""Probability that a test of the next of few touches rejects it although it is no outlier."""
+NO_NOISE = 1e-7
+"""Standard deviations of touches below this, in the unit frame, are rounding of eigenvalues."""
+NORMAL_90 = 1.645
 
 
 def fit_plane(
@@ -61,12 +72,16 @@ def fit_plane(
 
 
 def _weights(sets: Sets, robust: bool) -> np.ndarray:
-    """Weights at the fixed point of iteratively reweighted total least squares."""
+    """Weights of few touches by tests, 0 or 1; of many at the fixed point of iteratively reweighted
+    total least squares."""
     if not robust:
         return sets.mask.astype(float)
     normal, offset = _best_triple(sets)
     weight = np.zeros(sets.mask.shape)
-    active = np.arange(len(weight))
+    few = np.flatnonzero(sets.count < MANY)
+    weight[few] = _tested(sets.subset(few), normal[few], offset[few])
+    active = np.flatnonzero(sets.count >= MANY)
+    normal, offset = normal[active], offset[active]
     for _ in range(ROUNDS):
         points, mask = sets.points[active], sets.mask[active]
         away = np.abs(np.einsum("fpi,fi->fp", points, normal) - offset[:, None])
@@ -82,6 +97,50 @@ def _weights(sets: Sets, robust: bool) -> np.ndarray:
         normal = axes[:, :, 0]
         offset = np.einsum("fi,fi->f", mean, normal)
     return weight
+
+
+def _tested(sets: Sets, normal: np.ndarray, offset: np.ndarray) -> np.ndarray:
+    """Touches of small sets that are no outliers, bool [fit, point], from planes near their nearest
+    halves. Halves along a line grow until they span a plane."""
+    near = np.abs(np.einsum("fpi,fi->fp", sets.points, normal) - offset[:, None])
+    # Half of the touches, and one of which three leave a distance from their plane.
+    size = np.minimum(np.maximum((sets.count + 2) // 2, 4), sets.count)
+    clean = _nearest(np.where(sets.mask, near, np.inf), size)
+    active = np.flatnonzero(size < sets.count)
+    while len(active):
+        many = size[active]
+        away, flat = _deleted(sets.points[active], clean[active])
+        away = np.where(flat[:, None], away, near[active])
+        away = np.where(sets.mask[active], away, np.inf)
+        next_away = np.take_along_axis(np.sort(away, axis=1), many[:, None], axis=1)[:, 0]
+        grows = ~flat | (next_away < -stdtrit(many - 3, LEVEL / (2 * (many + 1))))
+        active = active[grows]
+        size[active] += 1
+        clean[active] = _nearest(away[grows], size[active])
+        active = active[size[active] < sets.count[active]]
+    return clean
+
+
+def _nearest(away: np.ndarray, size: np.ndarray) -> np.ndarray:
+    """Which touches are the `size` [fit] nearest ones, bool [fit, point]."""
+    rank = np.argsort(np.argsort(away, axis=1, kind="stable"), axis=1, kind="stable")
+    return rank < size[:, None]
+
+
+def _deleted(points: np.ndarray, clean: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Studentized distances from the plane of the touches `clean` [fit, point], [fit, point], and
+    whether these span a plane, [fit].
+
+    Of clean touches residuals, of others errors of prediction.
+    """
+    mean, axes, values = _scatter(points, clean.astype(float))
+    count = clean.sum(axis=1)[:, None]
+    along = np.einsum("fpi,fik->fpk", points - mean[:, None], axes)
+    noise = np.maximum(values[:, :1] / np.maximum(count - 3, 1), NO_NOISE**2)
+    lever = 1 / count + (along[:, :, 1:] ** 2 / np.maximum(values[:, None, 1:], 1e-300)).sum(axis=2)
+    share = np.where(clean, np.maximum(1 - lever, 1e-9), 1 + lever)
+    flat = values[:, 1] > count[:, 0] * NO_NOISE**2
+    return np.abs(along[:, :, 0]) / np.sqrt(noise * share), flat
 
 
 def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
@@ -152,15 +211,18 @@ def _describe(sets: Sets, weight: np.ndarray) -> dict[str, np.ndarray]:
     psi = weight * np.einsum("fpi,fi->fp", spread, normal)
     root = np.sqrt(weight)
     bow = (root * (5 * root - 4)).sum(axis=1) / count
-    # Of three touches nothing is left to tell it by.
+    # Of three touches nothing is left to tell it by. Of few it is told badly: variances are those
+    # of a Gaussian that holds 90 % where Student's distribution does.
+    doubt = (stdtrit(np.maximum(count - 3, 1), 0.05) / NORMAL_90) ** 2
     noise = np.where(count > 3, (psi**2).sum(axis=1) / np.maximum(count - 3, 1)
                      / np.maximum(bow, 0.1) ** 2, np.inf)
     share = np.maximum(total, 1e-300) / count
     # Rotation about u is determined by the scatter along v, and conversely; by what of it is not
     # the touches' own spread.
     scatter = values[:, [1, 2]] - (noise * total)[:, None]
-    tips = noise[:, None] * share[:, None] / np.maximum(scatter, 1e-300)  # at most 1 rad^2 below
-    shift = noise / count
+    # At most 1 rad^2 below.
+    tips = (doubt * noise * share)[:, None] / np.maximum(scatter, 1e-300)
+    shift = doubt * noise / count
     scale = sets.scale
     variances = np.concatenate([np.minimum(tips, 1.0), (shift * scale**2)[:, None]], axis=1)
     centre = mean * scale[:, None] + sets.origin
@@ -190,13 +252,9 @@ def _reach(coordinate: np.ndarray, on: np.ndarray) -> np.ndarray:
 
 def _typical(away: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """Standard deviation of touches about each plane, by the median of their distances [fit, point]
-    (Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, p. 202).
-
-    Three touches lie on a plane through them: of few touches more than the median's share do, and
-    the others lie farther off than their median says.
-    """
+    (Rousseeuw and Leroy 1987, Robust Regression and Outlier Detection, p. 202)."""
     count = mask.sum(axis=1)
     ordered = np.sort(np.where(mask, away, np.inf), axis=1)
-    middle = np.minimum(np.maximum((count - 1) // 2, 3), np.maximum(count, 1) - 1)
+    middle = (np.maximum(count, 1) - 1) // 2
     median = np.take_along_axis(ordered, middle[:, None], axis=1)[:, 0]
     return 1.4826 * (1.0 + 5.0 / np.maximum(count - 3, 1)) * median

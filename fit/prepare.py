@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from fit.arrays import is_valid
-from fit.fit_status import FitStatus
+from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus
 from fit.optimize.batch import point_bucket
 
 MIN_SOLID_POINTS = 8
@@ -117,6 +117,7 @@ def prepare(
         edge = pick(np.where(kept[..., None], points, fill), axis=1, initial=fill)
         return np.where(np.isfinite(edge), edge, 0.0)
 
+    low, high = bounds(np.inf, np.min), bounds(-np.inf, np.max)
     if covariance is not None:
         covariance = _array("covariance", covariance, (n, width, 3, 3))[rows, order]
         sound = kept & is_valid(covariance).all(axis=(2, 3))
@@ -133,7 +134,8 @@ def prepare(
     plane = None
     if table_z is not None:
         height = np.broadcast_to(np.asarray(table_z, float), (n,))
-        status = np.where(is_valid(height), status, FitStatus.bad_points)
+        wrong = (status == FitStatus.converged) & ~_may_stand(low, high, height)
+        status = np.where(wrong | ~is_valid(height), FitStatus.bad_points, status)
         plane = np.zeros((n, 4))
         plane[:, 2] = -1.0
         plane[:, 3] = -(np.where(is_valid(height), height, 0.0) - origin[:, 2]) / scale
@@ -143,9 +145,16 @@ def prepare(
     return Sets(
         points=centred / scale[:, None, None], mask=kept, order=order, count=count,
         origin=origin, scale=scale,
-        low=bounds(np.inf, np.min), high=bounds(-np.inf, np.max), status=status,
+        low=low, high=high, status=status,
         covariance=covariance, normals=normals, plane=plane, free=free,
     )
+
+
+def _may_stand(low: np.ndarray, high: np.ndarray, table_z: np.ndarray) -> np.ndarray:
+    """Whether points from `low` to `high` [fit, 3] may be those of a body on a table of height
+    `table_z` [fit]: not all are below it, nor all far above it."""
+    extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
+    return (high[:, 2] >= table_z) & (low[:, 2] - table_z <= FAR * extent)
 
 
 def _semidefinite(covariance: np.ndarray) -> np.ndarray:

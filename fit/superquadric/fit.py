@@ -34,8 +34,11 @@ def fit_superquadric(
         mask: which points count, shape [fit, point]; None: all.
         covariance: of each touch [m^2]; its residual is divided by the standard deviation along
             the model's normal there, sqrt(n.C n + sigma_floor^2).
-        normals: outward normals at the touches (NaN where unknown), for the dual superquadric.
-        table_z: height of the table the body stands on [m], for all or each fit; None: no table.
+        normals: outward normals at the touches (NaN where unknown), for the dual superquadric;
+            `options.normal_std_rad` says how sure they are.
+        table_z: height of the table the body stands on [m], for all or each fit; None: no table. A
+            set that lies below it, or far above, is `bad_points`. That points are in metres cannot
+            be told from them.
         free_points, free_radius, free_mask: balls [m] of known free space.
         options: see `SuperquadricOptions`.
         start: fits to nearly the same points, one per set; fitted ones replace the screening, so

@@ -11,7 +11,7 @@ from fit.fit_status import LEAST_FALL, Kind, Loss, check_word
 
 @dataclass(frozen=True)
 class SuperquadricOptions:
-    """Options of a fit; hashable. Raises ValueError for an unknown word."""
+    """Options of a fit; hashable. Raises ValueError for an unknown word or a negative deviation."""
 
     taper: bool = False
     """Linear taper Kx, Ky: 13 parameters."""
@@ -37,7 +37,10 @@ class SuperquadricOptions:
     free_weight: float = 1.0
     """Weight of all free-space balls relative to all points."""
     normal_weight: float = 0.3
-    """Weight of a normal's residual relative to that of its point."""
+    """Weight of a normal's residual relative to that of its point, where the normal is exact."""
+    normal_std_rad: float = 0.05
+    """Standard deviation of given normals [rad], each way [est]: those of pads err by 0.02 to 0.04.
+    A tangent plane is uncertain by this times its arm, see `residuals.arms_of_normals`."""
     upright_std_rad: float | None = 0.01
     """Standard deviation [rad] of the prior that one of the body's axes is vertical, relative to
     the noise of the residuals. Clear evidence of a tilt overrides it. None: no prior; without a
@@ -53,6 +56,8 @@ class SuperquadricOptions:
         if self.residual is not None:
             check_word("residual", self.residual, Kind)
         check_word("loss", self.loss, Loss)
+        if not self.normal_std_rad >= 0.0:
+            raise ValueError(f"normal_std_rad: is {self.normal_std_rad:g}; should be 0 or more")
 
 
 @dataclass(frozen=True)

@@ -235,6 +235,20 @@ def _priors(theta, data: FitData) -> tuple[Tensor, Array, Array]:
             0.5 * (jnp.sum(ridge * theta**2) + edge))
 
 
+def arms_of_normals(
+    theta, rotation: Float[Tensor, "3 3"], points: Float[Tensor, "3 point"],
+    normals: Float[Tensor, "3 point"], form: Form
+) -> Float[Array, " point"]:
+    """How far touches are from where the body's tangent plane with their normal touches it.
+
+    An error of the normal times this is the error of `_outside_planes`.
+    """
+    body = unpack(theta, rotation, form)
+    feet = jax.vmap(jax.grad(support, argnums=1), (None, 1), 1)(
+        body.numbers, body.inward(normals))
+    return jnp.sqrt(jnp.sum((feet - body.local(points)) ** 2, axis=0))
+
+
 def evaluate(
     theta, rotation: Float[Tensor, "3 3"], points: Float[Tensor, "3 point"], form: Form, kind
 ) -> tuple[Body, Array, Array, Array]:

@@ -165,6 +165,7 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
         taper: Annotated[bool, Parameter(negative="")] = False,
         bend: Annotated[bool, Parameter(negative="")] = False,
         robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
+        normal_deg: float | None = None,
         units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None) -> int:
     """Fit shapes to sets of touched points of your own.
 
@@ -185,6 +186,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
         Superquadric: bear touches that are wrong (the other shapes always do).
     table_z
         Height of the table the body stands on, in metres.
+    normal_deg
+        Superquadric: by how many degrees nx, ny, nz err (one standard deviation); 2.9 if not given.
     units
         Of the points, whose columns may then be x, y, z; by default by the columns' names: x_m,
         x_cm or x_mm.
@@ -194,7 +197,8 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
     from sweeps.cli import fit as fit_command
 
     return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
-                           table_z_m=table_z, figure=figure, units=units)
+                           table_z_m=table_z, normal_deg=normal_deg, figure=figure,
+                           units=units)
 
 
 @app.command

@@ -4,8 +4,9 @@ import os
 import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
+from dataclasses import replace
 from functools import partial
-from math import isfinite
+from math import isfinite, radians
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
@@ -13,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from fit.arrays import joined
-from fit.fit_status import FitStatus, status_names
+from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus, status_names
 from fit.points_csv import (
     PointSets,
     plane_rows,
@@ -34,23 +35,23 @@ BELOW_SHARE, BELOW_M = 0.1, 0.005
 """More touches than this share lie farther than this below a table that is given too high."""
 LEAST_NORMALS, INWARD_M = 8, 0.001
 """So many normals, half of which point inwards by more than what touches of a flat face may."""
+MOST_NORMAL_DEG = 90.0
+"""Normals that err by more tell nothing."""
 LARGE_RMS_M = 0.002
 """Touches of a fingertip are nearer to the body that they were made on [est]."""
 MOST_NAMED = 10
 """Sets named in one message."""
-FAR, LEAST_EXTENT_M = 10.0, 0.05
-"""What is touched from so many times its extent (at least) above a table on does not stand on it.
-"""
 
 
 def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
-        table_z_m: float | None, figure: Path | None, units: str | None = None) -> int:
+        table_z_m: float | None, figure: Path | None, normal_deg: float | None = None,
+        units: str | None = None) -> int:
     """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
 
     Prints the files written; stderr says what became of the sets. Raises PointsError with all that
     is wrong in the file, StoreError for options that contradict and files that cannot be used.
     """
-    _check(shape, points, out, taper, bend, robust, table_z_m, figure)
+    _check(shape, points, out, taper, bend, robust, table_z_m, normal_deg, figure)
     try:
         sets = read_points(points, units=units)
     except OSError as error:
@@ -64,7 +65,7 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
             say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
     found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
-                             table_z_m=table_z_m)
+                             table_z_m=table_z_m, normal_deg=normal_deg)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
         files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
@@ -175,7 +176,8 @@ def _part(sets: PointSets, rows: slice) -> PointSets:
 
 
 def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,
-              robust: bool = False, table_z_m: float | None = None) -> Any:
+              robust: bool = False, table_z_m: float | None = None,
+              normal_deg: float | None = None) -> Any:
     """The fits of one shape to all sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`."""
     if shape == "plane":
         from fit.plane import fit_plane
@@ -189,6 +191,8 @@ def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = 
     from fit.superquadric.record import SuperquadricOptions
 
     options = SuperquadricOptions(taper=taper, bend=bend, loss="cauchy" if robust else "none")
+    if normal_deg is not None:
+        options = replace(options, normal_std_rad=radians(normal_deg))
     return fit_superquadric(sets.points, sets.mask, normals=sets.normals, table_z=table_z_m,
                             options=options)
 
@@ -204,7 +208,7 @@ def _rows(shape: str, names: tuple[str, ...], found: Any) -> tuple[list[str], li
 
 
 def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust: bool,
-           table_z_m: float | None, figure: Path | None) -> None:
+           table_z_m: float | None, normal_deg: float | None, figure: Path | None) -> None:
     """Raises StoreError with everything wrong about the options."""
     problems = [f"{name}: is for superquadric, not for {shape}" for name, given in
                 (("--taper", taper), ("--bend", bend), ("--robust", robust))
@@ -214,6 +218,12 @@ def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust:
             problems.append("--table-z: is for superquadric and revolution, not for plane")
         elif not isfinite(table_z_m):
             problems.append(f"--table-z: is {table_z_m}; should be a finite number of metres")
+    if normal_deg is not None:
+        if shape != "superquadric":
+            problems.append(f"--normal-deg: is for superquadric, not for {shape}")
+        elif not 0.0 <= normal_deg <= MOST_NORMAL_DEG:
+            problems.append(f"--normal-deg: is {normal_deg:g}; should be a number of degrees from "
+                            f"0 to {MOST_NORMAL_DEG:g}")
     if figure is not None and figure.suffix.lower() not in FIGURE_FORMATS:
         problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
     named = [path.resolve() for path in (points, out, figure) if path is not None]

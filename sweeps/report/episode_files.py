@@ -247,6 +247,7 @@ def _free_form(block: EpisodeBlock, world: int) -> Iterator[dict[str, Any]]:
         if about.superquadric is not None:
             found["about"], = _superquadrics(about.superquadric)
         found["parameters"] |= {
+            "volume_m3": float(volume.volume_m3[0]),
             "length_m": float(fit.length_m[0]), "amplitude_m": float(fit.amplitude_m[0]),
             "noise_m": float(fit.noise_sigma_m[0]),
             "surface_std_m": float(volume.surface_std_m[0].mean())}

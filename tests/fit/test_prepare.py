@@ -9,6 +9,7 @@ from fit import prepare
 from fit.fit_status import FitStatus
 from fit.plane import fit_plane
 from fit.prepare import _semidefinite
+from fit.revolution.fit import fit_revolution
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricOptions
 
@@ -56,3 +57,18 @@ def test_sets_fitted_in_parts_are_those_fitted_at_once(monkeypatch: pytest.Monke
     for one, other in zip(whole, fitted(), strict=True):
         for field in fields(one):
             np.testing.assert_array_equal(getattr(one, field.name), getattr(other, field.name))
+
+
+@pytest.mark.parametrize(("table", "found"), [
+    (0.0, FitStatus.converged), (0.05, FitStatus.converged), (-0.4, FitStatus.converged),
+    (5.0, FitStatus.bad_points), (0.11, FitStatus.bad_points), (-50.0, FitStatus.bad_points)])
+def test_a_table_that_no_touches_stand_on_is_a_status(table: float, found: FitStatus) -> None:
+    """Of its own set alone; a set that cannot be fitted for another reason keeps that one."""
+    points = np.random.default_rng(9).uniform(-1, 1, (3, 20, 3)) * [0.03, 0.04, 0.05] + [0, 0, 0.05]
+    points[2] = points[2, :1]
+    heights = np.array([0.0, table, table])
+    for status in (fit_superquadric(points, table_z=heights).status,
+                   fit_revolution(points, table_z=heights).status):
+        assert status[0] in (FitStatus.converged, FitStatus.not_converged)
+        assert (status[1] == FitStatus.bad_points) == (found == FitStatus.bad_points)
+        assert status[2] == FitStatus.degenerate_point

@@ -1,8 +1,11 @@
 """Volumes of free forms, against closed forms."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from fit.arrays import rows_of
 from fit.implicit import fit_implicit, implicit_meshes, implicit_volume
 
 
@@ -19,6 +22,26 @@ def test_many_touches_do_not_make_a_body_smaller(count: int) -> None:
     assert np.mean(known.volume_m3) == pytest.approx(true, rel=0.008)
     low, high = known.interval_m3().T
     assert np.mean((low < true) & (true < high)) >= 0.5
+
+
+def test_volumes_are_those_of_zero_sets_however_coarse_the_mesh() -> None:
+    """Triangles are chords; what a grid or the table cuts off stays cut off."""
+    draw = np.random.default_rng(5)
+    way = draw.normal(size=(3, 64, 3))
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    way[2, :, 2] = np.abs(way[2, :, 2])  # half a body, on a table
+    fits = fit_implicit(way * [0.03, 0.04, 0.05], table_z=np.array([-1.0, -1.0, 0.0]))
+    fine = np.array([mesh.volume_m3 for mesh in implicit_meshes(fits, cells=96)])
+    for cells, off in ((32, 0.002), (16, 0.007)):
+        meshes = implicit_meshes(fits, cells=cells)
+        short = np.array([mesh.volume_m3 for mesh in meshes]) / fine - 1.0
+        left = implicit_volume(fits, meshes).volume_m3 / fine - 1.0
+        assert (short < -1.4 * off).all()
+        assert (np.abs(left) < off).all()
+    cut = rows_of(fits, np.arange(1))
+    cut = replace(cut, high_m=cut.high_m - [0.0, 0.0, 0.08])
+    meshes = implicit_meshes(cut)
+    assert implicit_volume(cut, meshes).volume_m3 == pytest.approx(meshes[0].volume_m3, rel=0.02)
 
 
 @pytest.mark.slow

@@ -6,7 +6,12 @@ from quality_bodies import standing_bodies, touches, volume_iou
 
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
-from fit.superquadric.geometry import superquadric, superquadric_inside_outside, superquadric_points
+from fit.superquadric.geometry import (
+    superquadric,
+    superquadric_inside_outside,
+    superquadric_points,
+    superquadric_volume,
+)
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 from fit.superquadric.uncertainty import superquadric_uncertainty
 
@@ -144,6 +149,28 @@ def test_outliers_with_a_robust_loss(sets) -> None:
     points = touches(sets[0], 60, 1e-3, rng, outliers=0.1)
     found = fit_superquadric(points, table_z=0.0, options=SuperquadricOptions(loss="cauchy"))
     assert np.quantile(volume_iou(sets[0], found), 0.1) > 0.85
+
+
+def test_normals_that_err_do_not_shrink_a_box() -> None:
+    """A wrong normal pulls its plane inwards whichever way it errs, by its error times the arm."""
+    rng = np.random.default_rng(7)
+    half = np.array([0.03, 0.04, 0.05])
+    points = rng.uniform(-1.0, 1.0, (16, 60, 3))
+    fit, row, axis = np.arange(16)[:, None], np.arange(60), np.arange(60) % 3
+    points[fit, row, axis] = np.where(rng.random((16, 60)) < 0.5, -1.0, 1.0)
+    normals = np.zeros(points.shape)
+    normals[fit, row, axis] = points[fit, row, axis]
+    normals += np.radians(5) * rng.normal(size=normals.shape)
+    points = points * half + [0, 0, 0.05] + 1e-3 * rng.normal(size=points.shape)
+    blind = superquadric_volume(fit_superquadric(points, table_z=0.0))
+    for options, most in ((SuperquadricOptions(), 0.007),
+                          (SuperquadricOptions(normal_std_rad=np.radians(5)), 0.004)):
+        for covariance in (None, np.broadcast_to(1e-6 * np.eye(3), (16, 60, 3, 3))):
+            told = fit_superquadric(points, normals=normals, table_z=0.0, options=options,
+                                    covariance=covariance)
+            assert np.abs(np.median(np.log(superquadric_volume(told) / blind))) < most
+    with pytest.raises(ValueError, match="normal_std_rad: is -1; should be"):
+        SuperquadricOptions(normal_std_rad=-1.0)
 
 
 @pytest.mark.slow

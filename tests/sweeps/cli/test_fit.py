@@ -166,6 +166,35 @@ def test_a_table_that_no_touches_stand_on_is_refused(
     assert not out.exists()
 
 
+def test_how_sure_normals_are_can_be_said(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The surer, the more they count; and only a number of degrees will do."""
+    rng = np.random.default_rng(6)
+    box = rng.uniform(-1.0, 1.0, (60, 3))
+    row, axis = np.arange(60), np.arange(60) % 3
+    box[row, axis] = np.where(rng.random(60) < 0.5, -1.0, 1.0)
+    way = np.zeros((60, 3))
+    way[row, axis] = box[row, axis]
+    felt = 0.04 * box + [0, 0, 0.04] + 1e-3 * rng.normal(size=(60, 3))
+    lines = np.c_[felt, way + 0.15 * rng.normal(size=(60, 3))]
+    path, out = tmp_path / "points.csv", tmp_path / "fits.csv"
+    path.write_text("x_m,y_m,z_m,nx,ny,nz\n" + "".join(
+        ",".join(map(str, line)) + "\n" for line in lines))
+    size = []
+    for degrees in ("0", "9"):
+        assert cli.run(["fit", "superquadric", str(path), "--table-z", "0", "--normal-deg", degrees,
+                        "-o", str(out)]) == 0
+        size.append(np.prod([float(read(out)[1][0][f"a{k}_m"]) for k in (1, 2, 3)]))
+    assert size[0] < 0.99 * size[1]
+    assert size[1] == pytest.approx(0.04**3, rel=0.03)
+    capsys.readouterr()
+    for shape, degrees, says in (("plane", "3", "is for superquadric, not for plane"),
+                                 ("superquadric", "-1", "is -1; should be a number of degrees"),
+                                 ("superquadric", "nan", "is nan; should be")):
+        assert cli.run(["fit", shape, str(path), f"--normal-deg={degrees}", "-o", str(out)]) == 2
+        assert f"--normal-deg: {says}" in capsys.readouterr().err
+
+
 def test_one_set_below_the_table_is_told_and_the_others_fitted(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     points = write(tmp_path / "points.csv", {"a": touches(1), "low": touches(2) - [0, 0, 0.2]})
