@@ -47,7 +47,8 @@ class Ranking:
     """Mean squared deviation of the touches, each at most `pose_alignment_kernel.CAP` squared, with
     the height's."""
     probability: np.ndarray
-    """Of each body, and last of none of them: (world, body + 1); rows sum to one."""
+    """Of each body, and last of none of them: (world, body + 1); rows sum to one. Before anything
+    is felt none has a half, as `NONE_SQUARE` was chosen, and the bodies share the other."""
 
 
 class Recognizer:
