@@ -54,7 +54,7 @@ def read_settings(plan: Plan, stores: Sequence[Store], metric: str,
                   over: str | None = None) -> Paired:
     """Every strategy under every setting. Raises LeaderboardError where nothing was swept."""
     if not plan.study.axes:
-        raise LeaderboardError("settings: this study sweeps nothing; see [sweep.grid] in "
+        raise LeaderboardError("this study sweeps nothing; see [sweep.grid] in "
                                "`warpgrasp init`")
     return read_paired(plan, stores, [metric], range(len(plan.study.axes)), over)
 
