@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, fields
 from math import ceil, erfc, expm1, inf, log1p, pi, radians, sqrt
 from typing import Any
 
-from warpgrasp.spec_words import spec_words
+from warpgrasp.spec_words import reckoned, spec_words
 
 TAXELS = 16
 """Rows and columns of a pad [paper]."""
@@ -188,8 +188,8 @@ class ErrorTable:
 
     def scaled(self) -> "ErrorTable":
         """The deviations times `scale`, which is then one."""
-        return ErrorTable(**{f.name: 1.0 if f.name == "scale" else self.scale * getattr(
-            self, f.name) for f in fields(ErrorTable)})
+        return reckoned(self, **{f.name: 1.0 if f.name == "scale" else self.scale * getattr(
+            self, f.name) for f in fields(self)})
 
 
 @spec_words
@@ -223,8 +223,8 @@ class PadTable:
     distal: bool = field(default=True, metadata={"doc": "pads on the four distal links [paper]"})
     middle: bool = field(default=False, metadata={"doc": "pads on the middle links"})
     proximal: bool = field(default=False, metadata={"doc": "pads on the proximal links"})
-    width_m: float = _number(0.0127, 0.002, 0.2, "across the link [paper]")
-    length_m: float = _number(0.0254, 0.002, 0.2, "along the link [paper]")
+    width_m: float = _number(0.0127, 0.002, 0.05, "across the link [paper]")
+    length_m: float = _number(0.0254, 0.002, 0.05, "along the link [paper]")
     wrap_rad: float = _number(radians(80), 0.0, pi / 2,
                               "how far the distal pad bends over the fingertip [est]")
     thickness_m: float = _number(0.001, 1e-4, 0.01, "stands proud of the link's skin [est]")

@@ -8,6 +8,7 @@ the field `link_radius_m` has the word `link_radius_mm`, `speed_rad_s` has `spee
 
 import re
 from collections.abc import Callable
+from copy import copy
 from dataclasses import fields
 from difflib import get_close_matches
 from functools import wraps
@@ -82,6 +83,15 @@ def spec_words(table: type[Table]) -> type[Table]:
 
     table.__init__ = init  # type: ignore[method-assign]
     return table
+
+
+def reckoned(table: Table, **values: Any) -> Table:
+    """A copy of a table with other values of some fields, in SI. They are not checked: what is
+    reckoned of a spec's values may lie beyond the bounds of these."""
+    changed = copy(table)
+    for name, value in values.items():
+        object.__setattr__(changed, name, value)
+    return changed
 
 
 def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], float]) -> None:

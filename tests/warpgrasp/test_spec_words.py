@@ -1,13 +1,13 @@
 """Parameter tables take the words of a spec in Python."""
 
-from dataclasses import replace
+from dataclasses import fields, replace
 from math import radians
 
 import pytest
 
 from strategies.poses.waypoints import WAYPOINT_KINDS, Ring
 from sweeps.spec.units import spec_fields
-from warpgrasp.parameters import HandTable, SensorTable
+from warpgrasp.parameters import ErrorTable, HandTable, SensorTable
 
 
 def test_the_words_of_a_spec_and_the_fields_make_the_same_table() -> None:
@@ -28,7 +28,7 @@ def test_every_word_of_a_spec_is_taken(table: type) -> None:
     (lambda: SensorTable(tendon_threshold_N=-1), "tendon_threshold_N is -1; should be a number from"
      " 0 to 1000"),
     (lambda: SensorTable(tendon_threshold_N=float("nan")), "tendon_threshold_N is nan"),
-    (lambda: SensorTable(tension_readings=2.5), "is 2.5; should be a whole number from 1"),
+    (lambda: SensorTable(tension_readings=2.5), "is 2.5; should be a whole number from 1"),  # type: ignore[arg-type]
     (lambda: HandTable(link_radius_mm=-7), "link_radius_mm is -7; should be a number from 1 to 50"),  # type: ignore[call-arg]
     (lambda: HandTable(link_radius_m=7), "link_radius_m is 7; should be a number from 0.001 to"),
     (lambda: HandTable(link_radius_mm="7"), "link_radius_mm is '7'; should be a number"),  # type: ignore[call-arg]
@@ -43,6 +43,15 @@ def test_a_value_that_a_spec_could_not_have_is_refused(make: object, says: str) 
     with pytest.raises(ValueError, match="should be") as error:
         make()  # type: ignore[operator]
     assert says in str(error.value)
+
+
+def test_errors_and_their_scale_may_go_beyond_the_bounds_of_each() -> None:
+    """A spec takes both; what they come to is no value of a spec's."""
+    largest = {f.name: f.metadata["high"] for f in fields(ErrorTable)}
+    scaled = ErrorTable(**largest).scaled()
+    assert scaled.joint_offset_rad == 10.0 * largest["joint_offset_rad"]
+    assert scaled.scale == 1.0
+    assert scaled.scaled() == scaled
 
 
 @pytest.mark.parametrize(("make", "says"), [

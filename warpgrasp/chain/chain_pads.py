@@ -5,7 +5,6 @@ where there are several side by side it bridges the grooves between them. A hand
 it otherwise.
 """
 
-from dataclasses import replace
 from functools import lru_cache
 from math import cos, sin
 
@@ -14,6 +13,7 @@ import numpy as np
 from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
 from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace, vector_of
 from warpgrasp.parameters import PadTable
+from warpgrasp.spec_words import reckoned
 
 _PARALLEL = 0.95
 """Cosine between a link's longest capsule and others that bear its pad with it."""
@@ -27,8 +27,8 @@ def own_pads(hand: ChainHand, table: PadTable) -> PadTable:
     size = hand.model.pad_size
     if size is None:
         return table
-    return replace(table, width_m=size.width_m, length_m=size.length_m, wrap_rad=size.wrap_rad,
-                   thickness_m=size.thickness_m)
+    return reckoned(table, width_m=size.width_m, length_m=size.length_m, wrap_rad=size.wrap_rad,
+                    thickness_m=size.thickness_m)
 
 
 def pad_misfit(hand: ChainHand, table: PadTable) -> str:

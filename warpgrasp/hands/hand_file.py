@@ -84,11 +84,10 @@ class _Pad(_Strict):
 
 
 class _PadSize(_Strict):
-    # Bounds as of `PadTable`.
-    width_mm: float = Field(ge=2.0, le=200.0)
-    length_mm: float = Field(ge=2.0, le=200.0)
+    width_mm: float = Field(gt=0.0)
+    length_mm: float = Field(gt=0.0)
     wrap_deg: float = Field(ge=0.0, le=90.0)
-    thickness_mm: float = Field(ge=0.1, le=10.0)
+    thickness_mm: float = Field(gt=0.0)
 
 
 class _Extended(_Strict):

@@ -198,8 +198,7 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change("^fingers = .*", 'fingers = ["index", "palm"]'),
      "opposed.fingers: there is no finger 'palm'"),
     (change('^end = "pinched"', 'end = "shut"'), "opposed.end: there is no posture 'shut'"),
-    (change("^length_mm = .*", "length_mm = -1"),
-     "pads.length_mm: input should be greater than or equal to 2"),
+    (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
     (change(r"^pads = \[.*", 'pads = ["joint_0.0", "joint_1.0", "joint_2.0", "joint_3.0"]'),
      "finger index: 4 pads; should be 3 at most"),
     (change(r"^\[\[finger.joint\]\]", '[[finger.pad]]\nlink = "joint_2.0"\n'
