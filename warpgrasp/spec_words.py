@@ -57,10 +57,8 @@ def spec_words(table: type[Table]) -> type[Table]:
     value that a spec could not have: bounds and choices are those of the fields' metadata.
     """
     make = table.__init__
-    named: dict[str, Any] = {f.name: f for f in fields(table)}  # type: ignore[arg-type]
-    known = {word: (f.name, to_si) for f in fields(table)  # type: ignore[arg-type]
-             for word, to_si, _ in [word_of(f.name)]}
-    names = {name for name, _ in known.values()}
+    named: dict[str, Any] = {f.name: f for f in fields(table) if f.init}  # type: ignore[arg-type]
+    known = {word: (name, to_si) for name in named for word, to_si, _ in [word_of(name)]}
 
     @wraps(make)
     def init(self: Any, *values: Any, **words: Any) -> None:
@@ -68,7 +66,7 @@ def spec_words(table: type[Table]) -> type[Table]:
         for name, value in zip(named, values, strict=False):  # too many are refused below
             _check(table.__name__, named[name], name, value, same)
         for word, value in words.items():
-            name, to_si = (word, same) if word in names else known.get(word, ("", same))
+            name, to_si = (word, same) if word in named else known.get(word, ("", same))
             if not name:
                 near = get_close_matches(word, known, n=1, cutoff=0.5)
                 guess = f"did you mean {near[0]}? " if near else ""
@@ -95,12 +93,17 @@ def reckoned(table: Table, **values: Any) -> Table:
 
 
 def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], float]) -> None:
-    """Raise ValueError where a value is none of its field's choices, or no number or list of them
-    within its bounds. Arrays are of worlds and are not looked at."""
+    """Raise ValueError where a value is none of its field's choices, not of its kind, or no number
+    or list of them within its bounds. Arrays are of worlds and are not looked at."""
     choices, low, high = (of.metadata.get(name) for name in ("choices", "low", "high"))
     if choices and not (isinstance(value, str) and value in choices):
         raise ValueError(f"{table}: {word} is {value!r}; should be one of {', '.join(choices)}")
-    if low is None or value is None or value is of.default or isinstance(value, np.ndarray):
+    if value is of.default or (isinstance(value, np.ndarray) and value.ndim):
+        return
+    for kind, wanted in ((bool, "True or False"), (str, "a text")):
+        if isinstance(of.default, kind) and not isinstance(value, kind):
+            raise ValueError(f"{table}: {word} is {value!r}; should be {wanted}")
+    if low is None:
         return
     whole = of.type in (int, "int")
     wanted = "a whole number" if whole else "a number"
@@ -115,9 +118,9 @@ def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], 
         right = isinstance(entry, Integral) or (isinstance(entry, Real) and not whole)
         if isinstance(entry, bool) or not right or not (
                 low - slack <= entry * factor <= high + slack) or not isfinite(entry):
-            ends = (f"{low / factor:.10g} to {high / factor:.10g}" if isfinite(high)
-                    else f"{low / factor:.10g} on")
-            raise ValueError(f"{table}: {word} is {value!r}; should be {wanted} from {ends}")
+            ends = (f" from {low / factor:.10g} to {high / factor:.10g}" if isfinite(high)
+                    else f" from {low / factor:.10g} on" if isfinite(low) else "")
+            raise ValueError(f"{table}: {word} is {value!r}; should be {wanted}{ends}")
 
 
 def _from_mm(value: float) -> float:

@@ -54,7 +54,10 @@ def profile_of(exploration: ContourExploration, *, refine: bool = True) -> Profi
 
     Each node is a weighted line through the touches near it; the lowest radius is carried down to
     the table: until the axis meets it, or, of a body that leans, its rim. Without `refine` the
-    given direction is kept, through the middle of the fitted axis.
+    given direction is kept, through the middle of the fitted axis, which ends on the table.
+
+    Of low bodies that lean, few sections tell where the rim is: of four cylinders as wide as high,
+    leaning by 20 degrees, one came out at 0.64 of its volume.
     """
     given = exploration.axis
     worlds = len(exploration.reason)

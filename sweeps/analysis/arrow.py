@@ -24,7 +24,7 @@ from sweeps.analysis.entries import (
 )
 from sweeps.output import atomic_file
 from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
-from sweeps.run.race_record import race_of, taken_blocks
+from sweeps.run.race_record import race_of, read_race_note, taken_blocks
 from sweeps.run.store import Store, damaged_notes, open_study
 from sweeps.run.unit_file import Columns, holds_lists
 from sweeps.spec.errors import StoreError
@@ -261,6 +261,9 @@ def _race_notes(plan: Plan, stores: Sequence[Store]) -> Iterator[str]:
         if race_of(plan, store) is not None:
             yield (f"{store.folder} holds a race: rows are those of its rungs that are over, of an "
                    "entry as many as it took part in")
+        elif read_race_note(store.logs) is not None:
+            yield (f"{store.folder} holds a sweep that was finished before it was raced: rows are "
+                   "those of the sweep")
 
 
 def _notes(units: int, failed: int, finished: int, found: int, what: str) -> Iterator[str]:

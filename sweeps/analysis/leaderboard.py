@@ -63,6 +63,8 @@ ROUNDING = 1e-9
 """Share of a score that its mean over many rows may be off by."""
 MOST_LINES = 6
 """Of notes of one kind; the others are counted."""
+MORE = "more like that"
+"""How the note ends that counts them."""
 
 
 class _Faults:
@@ -343,7 +345,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
 def _few(lines: list[str]) -> list[str]:
     """The first of many notes of one kind, and how many there are."""
     more = len(lines) - MOST_LINES
-    return lines if more <= 1 else [*lines[:MOST_LINES], f"and {more} more like that"]
+    return lines if more <= 1 else [*lines[:MOST_LINES], f"and {more} {MORE}"]
 
 
 def _mean(of_objects: Sequence[np.ndarray], entries: int) -> np.ndarray:

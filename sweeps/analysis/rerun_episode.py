@@ -39,8 +39,8 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
 
     `strategy` can be an entry's name in the leaderboard, which names the setting too. Where several
     entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
-    are at their first point. Raises StoreError for what the study does
-    not have, and of a race, which has no leaderboard, where several are meant.
+    are at their first point. Raises StoreError for what the study does not have, and of a race,
+    which has no leaderboard, where several are meant.
     """
     names = [s.name for s in plan.study.strategies]
     bodies = [b.name for b in plan.study.objects]

@@ -2,9 +2,10 @@
 
 The data are the means of all settings, which share objects and episodes (common random
 numbers). A factor of more than eight values is cut into four levels of equally many
-settings. `share` is the variance between a factor's levels over the variance between settings: on
-a full grid the first-order sensitivity index; on sampled points an estimate of it, too small by
-what varies within a level, too large by chance where a level has few settings.
+settings; in pictures only one that was sampled is. `share` is the variance between a factor's
+levels over the variance between settings: on a full grid the first-order sensitivity index; on
+sampled points an estimate of it, too small by what varies within a level, too large by chance where
+a level has few settings.
 """
 
 from collections.abc import Iterator, Sequence

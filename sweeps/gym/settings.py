@@ -44,7 +44,7 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
                          '{"sensors": {"tendon_threshold_N": 4}}')
     given = dict(tables or {})
     for name in {"hand", "arm"} & set(given):  # as a spec may have it: hand = "allegro"
-        if isinstance(given[name], str):
+        if not isinstance(given[name], Mapping):
             given[name] = {"kind": given[name]}
     for name in given:
         if name not in SECTIONS:

@@ -92,7 +92,8 @@ class Look:
     @property
     def at_least(self) -> np.ndarray:
         """By how much each entry is worse than the leader at least, (entry,); 0 or less of those
-        that are not out: at their level one that is above 0 may well be chance."""
+        that are not out: at their level one that is above 0 may well be chance. Of those that an
+        earlier leader put out it may be below 0, too."""
         return np.where(self.out, self.lower, np.minimum(self.lower, 0.0))
 
     @property
@@ -209,7 +210,6 @@ class Race:
         if self.rules.everyone and look.open.any():
             self._running[:] = True
         return look
-
 
     def _complete(self, entry: int, unknown: Unknown | None) -> np.ndarray:
         """An entry's scores as they count now, cut at the rules' bounds."""

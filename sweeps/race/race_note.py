@@ -53,10 +53,12 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
 
 def begin_race_note(plan: Plan, store: Store, metric: str, over: str) -> None:
     """Writes the note of a race that has not looked yet, unless there is one: with what it is of,
-    and of which study the sweep was finished before."""
+    and of which study the sweep was finished before. (If there is one that cannot be read, it was
+    raced before, and units that are there may all be of a race.)"""
     if read_race_note(store.logs) is None:
-        _write(store.logs, {"swept": swept_before(plan, store), "metric": metric, "over": over,
-                            "rungs": [], "entries": []})
+        raced = (store.logs / RACE_NOTE).exists()
+        _write(store.logs, {"swept": "" if raced else swept_before(plan, store), "metric": metric,
+                            "over": over, "rungs": [], "entries": []})
 
 
 def end_race_note(logs: Path) -> None:

@@ -5,14 +5,14 @@ time: the same study gives the same bytes.
 """
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
 
 from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
-from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
+from sweeps.analysis.leaderboard import MORE, Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, interval_note, read_paired
 from sweeps.output import note, why_unwritable, write_atomic
 from sweeps.report.html import page, paragraph
@@ -124,11 +124,20 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
-    said = set(notes)  # of few objects, too, in other words
-    notes += [line for line in board.notes
-              if line not in said and not line.startswith("the ranking is of")]
+    notes += _unsaid(board.notes, set(notes))
     items = "".join(f"<li>{escape(note)}</li>" for note in notes)
     return f'<ul class="warnings">{items}</ul>' if notes else ""
+
+
+def _unsaid(notes: Sequence[str], said: set[str]) -> Iterator[str]:
+    """Notes of a leaderboard that the page has not said, in these or in other words. How many more
+    there are of a kind goes with the note before it."""
+    new = False
+    for line in notes:
+        new = new if line.endswith(MORE) else (
+            line not in said and not line.startswith("the ranking is of"))
+        if new:
+            yield line
 
 
 def _spec(stores: Sequence[Store]) -> str:

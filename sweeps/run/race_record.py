@@ -48,8 +48,15 @@ def swept_before(plan: Plan, store: Store) -> str:
 
 def race_of(plan: Plan, store: Store) -> dict[str, Any] | None:
     """The note of the race that a directory holds; None where it is a sweep's, or where the sweep
-    of this study was finished before the race began."""
+    of this study was finished before the race began.
+
+    Raises StoreError (exit code 3) where there is a note that cannot be read.
+    """
     found = read_race_note(store.logs)
+    if found is None and (store.logs / RACE_NOTE).exists():
+        raise StoreError(f"{store.logs / RACE_NOTE} should say how the race in {store.folder} "
+                         "stands, and cannot be read; `warpgrasp race` with the same options "
+                         "writes it again from the units that are there", 3)
     return None if found is None or found.get("swept") == plan.hash else found
 
 

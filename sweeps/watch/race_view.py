@@ -68,10 +68,10 @@ class RaceView:
             "race", self.plan.study.head.name or self.store.folder.name, pace.running,
             f"{first['label']}: {found['claim']}", tuple(facts), 1.0 if over else -1.0,
             found["metric"],
-            "Bars begin at the lower bound of how much worse than the first an entry is. That one "
-            "called worse is not has a chance of at most "
-            f"{100 - 100 * found['confidence']:.3g} %, over all entries and rungs together; that "
-            "the best of all is better than the first by more than its bound, too. Not better: "
+            "Bars begin at the lower bound of how much worse than the first an entry is. With a "
+            f"chance of at most {100 - 100 * found['confidence']:.3g} % any entry is called worse "
+            "and is not, over all entries and rungs together. With a chance as small the best of "
+            "all is better than the first by more than its bound. Not better: "
             "not known to be worse, but better by at most "
             f"{amount(found['within'], found['metric'])}.",
             tuple(self._row(entry, first, found) for entry in entries[:ROWS]),

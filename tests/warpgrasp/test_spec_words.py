@@ -1,13 +1,15 @@
 """Parameter tables take the words of a spec in Python."""
 
+import math
 from dataclasses import fields, replace
 from math import radians
 
+import numpy as np
 import pytest
 
-from strategies.poses.waypoints import WAYPOINT_KINDS, Ring
+from strategies.poses.waypoints import WAYPOINT_KINDS, Column, Ring
 from sweeps.spec.units import spec_fields
-from warpgrasp.parameters import ErrorTable, HandTable, SensorTable
+from warpgrasp.parameters import ErrorTable, HandTable, ObjectTable, PadTable, SensorTable
 
 
 def test_the_words_of_a_spec_and_the_fields_make_the_same_table() -> None:
@@ -24,6 +26,14 @@ def test_every_word_of_a_spec_is_taken(table: type) -> None:
             assert getattr(table(**{word: value}), field.name) == pytest.approx(field.default)
 
 
+@pytest.mark.parametrize("table", [*WAYPOINT_KINDS.values(), SensorTable, HandTable])
+def test_values_by_place_are_those_by_name(table: type) -> None:
+    """Fields that a kind does not use have no place: Column's seventh value is `count`."""
+    named = {f.name: f.default for f in fields(table) if f.init}
+    assert table(*named.values()) == table(**named) == table()
+    assert Column(0.04, 1.5, 0.0, 0.0, 0.5, 0.0, 6).count == 6
+
+
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: SensorTable(tendon_threshold_N=-1), "tendon_threshold_N is -1; should be a number from"
      " 0 to 1000"),
@@ -37,6 +47,11 @@ def test_every_word_of_a_spec_is_taken(table: type) -> None:
     (lambda: Ring(tilt_deg=500), "Ring: tilt_deg is 500; should be a number from 0 to 180"),  # type: ignore[call-arg]
     (lambda: Ring(aim="midle"), "Ring: aim is 'midle'; should be a number from -1 to 2"),  # type: ignore[arg-type]
     (lambda: Ring(7.0), "palm_clearance_m is 7.0; should be"),
+    (lambda: HandTable(link_radius_m=None), "link_radius_m is None; should be a number from"),  # type: ignore[arg-type]
+    (lambda: HandTable(kind=3), "kind is 3; should be a text"),  # type: ignore[arg-type]
+    (lambda: PadTable(middle=3), "middle is 3; should be True or False"),  # type: ignore[arg-type]
+    (lambda: ObjectTable(yaw_rad=math.inf), "yaw_rad is inf; should be a number"),
+    (lambda: SensorTable(tendon_threshold_N=np.array(-1.0)), "should be a number from 0"),  # type: ignore[arg-type]
     (lambda: replace(Ring(), count=0), "Ring: count is 0; should be a whole number from 1 to"),
 ])
 def test_a_value_that_a_spec_could_not_have_is_refused(make: object, says: str) -> None:
@@ -57,6 +72,7 @@ def test_errors_and_their_scale_may_go_beyond_the_bounds_of_each() -> None:
 @pytest.mark.parametrize(("make", "says"), [
     (lambda: Ring(tilt=50), "Ring has no 'tilt'; did you mean tilt_deg"),  # type: ignore[call-arg]
     (lambda: SensorTable(threshold=3), "did you mean tendon_threshold_N"),  # type: ignore[call-arg]
+    (lambda: Column(aim=0.5), "Column has no 'aim'; did you mean aim_"),  # type: ignore[call-arg]
     (lambda: Ring(tilt_deg=1, tilt_rad=1), "tilt_deg and tilt_rad are the same"),  # type: ignore[call-arg]
 ])
 def test_a_wrong_word_is_answered_with_the_right_one(make: object, says: str) -> None:

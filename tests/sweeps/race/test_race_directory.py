@@ -67,15 +67,34 @@ def test_what_compares_entries_refuses_a_race(tmp_path: Path,
     assert "race" not in capsys.readouterr().err  # though its race.csv is still there
 
 
-def test_a_sweep_that_was_finished_before_is_still_read(tmp_path: Path) -> None:
+def test_a_sweep_that_was_finished_before_is_still_read(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
     assert run("sweep", spec, "-o", out) == 0
     assert race(spec, out) == 0
     assert run("leaderboard", out) == run("table", out, "pairs") == 0
-    assert read_rows(out).num_rows == 5 * 3 * 8
+    capsys.readouterr()
+    assert run("rows", out, "-o", tmp_path / "rows.csv") == 0
+    assert f"{5 * 3 * 8} rows" in (said := capsys.readouterr().err)
+    assert "rows are those of the sweep" in said
     more = write_spec(tmp_path, SPEC.replace("cell = 8", "cell = 9"))
     assert race(more, out) == 0
     assert run("leaderboard", out) == 3  # of the study that it is now no sweep was finished
+
+
+def test_a_race_whose_note_is_damaged_is_no_sweep(tmp_path: Path,
+                                                  capsys: pytest.CaptureFixture[str]) -> None:
+    """It was ranked by its first rung, without a word."""
+    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
+    assert race(spec, out) == 0
+    note = out / "logs/race.json"
+    whole = note.read_bytes()
+    note.write_bytes(whole[:100])
+    assert answers(out) == {3}
+    assert run("rows", out, "-o", tmp_path / "rows.csv") == 3
+    assert "race.json should say how the race" in capsys.readouterr().err
+    assert race(spec, out) == 0
+    assert note.read_bytes() == whole
 
 
 @pytest.mark.parametrize("over", ["these", "like-these"])

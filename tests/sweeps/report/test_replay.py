@@ -27,7 +27,7 @@ from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.contact_rows import contacts_csv
 from sweeps.episode.episodes import EpisodeBlock, run_block
-from sweeps.figures.grasp import grasp_figure
+from sweeps.figures.grasp import grasp_figure, hand_solids
 from sweeps.figures.replay_frames import (
     Frame,
     HandShape,
@@ -121,7 +121,14 @@ def test_a_hand_of_chains_is_drawn_as_it_is_with_contacts_where_the_body_has_the
     for frame in made.frames:
         assert np.isfinite(frame.links_m).all()
         assert np.linalg.norm(frame.links_m - frame.arm_m[-1], axis=-1).max() < 0.35
-    assert grasp_figure(made, "barrett") is not None
+    drawn = hand_solids(made, made.frames[-1])[len(made.hand.bar_radius_m):]
+    segments = [segment for finger, radii in zip(made.frames[-1].links_m, made.hand.link_radius_m,
+                                                 strict=True) for segment in finger[:len(radii)]]
+    radii = [radius for finger in made.hand.link_radius_m for radius in finger]
+    for (faces, _), (start, end), radius in zip(drawn, segments, radii, strict=True):
+        along = np.clip((faces - start) @ (end - start) / ((end - start) @ (end - start)), 0, 1)
+        away = np.linalg.norm(faces - start - along[..., None] * (end - start), axis=-1)
+        assert np.allclose(away, radius, atol=1e-9)
 
 
 @pytest.mark.slow

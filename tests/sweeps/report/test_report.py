@@ -16,7 +16,7 @@ from curved_episodes import OBJECTS, wide_study, wide_text
 import sweeps.report.page
 from fit.superquadric.geometry import superquadric
 from sweeps.analysis.entries import LeaderboardError
-from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.leaderboard import MORE, make_leaderboard
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.cli import main as cli
@@ -217,6 +217,18 @@ def test_a_report_says_what_the_leaderboard_does(tmp_path: Path) -> None:
     notes = [line for line in make_leaderboard(plan, [store]).notes if "ranking" not in line]
     assert any("1 of 6 units failed" in line for line in notes)
     assert [line for line in notes if line not in text] == []
+
+
+def test_a_count_of_notes_goes_with_them(tmp_path: Path) -> None:
+    """The page names every object without a score; "and 3 more like that" was left behind."""
+    plan, store = wide_study(tmp_path, wide_text(2, 9, 2))
+    for unit in plan.units():
+        store.path(unit).unlink()
+        store.log(unit).write_text("it broke")
+    assert sum(note.endswith(MORE) for note in make_leaderboard(plan, [store]).notes) == 1
+    text = html.unescape(make_report(plan, [store], views=False).decode())
+    assert text.count("<li>no entry has a chamfer_mm on") == 9
+    assert MORE not in text
 
 
 def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:
