@@ -19,7 +19,7 @@ from sweeps.analysis.entries import LeaderboardError, check_metric, entries_of, 
 from sweeps.analysis.interval import critical_difference, small_sample_widening
 from sweeps.analysis.paired import read_paired
 from sweeps.run.plan import Plan
-from sweeps.run.store import open_study
+from sweeps.run.race_record import open_sweep
 
 POWER = 0.8
 """The share of sweeps that show a difference."""
@@ -42,9 +42,9 @@ class Spreads:
 def pilot_spreads(folder: Path, metric: str) -> Spreads:
     """Reads a pilot. Raises LeaderboardError for one that has too little, StoreError for none."""
     check_metric(metric)
-    plan, stores = open_study([folder])
+    plan, stores = open_sweep([folder])
     paired = read_paired(plan, stores, [metric])
-    values = paired.values[metric]
+    values = [each for each in paired.values[metric] if np.isfinite(each).all()]
     if len(paired.labels) < 2 or not values or min(len(v) for v in values) < 2:
         raise LeaderboardError(f"--pilot: {folder} should hold two entries or more, with two "
                                "finished episodes or more of each object")

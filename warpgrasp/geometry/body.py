@@ -121,7 +121,6 @@ def scene_of(bodies: Sequence[Body], device: str) -> Scene:
     for name, array in arrays.items():
         setattr(scene, name, array.ptr)
     scene.bodies, scene.primitive_count = len(bodies), len(rows)
-    scene.profile_count, scene.grid_count = len(arrays["profile"]), len(arrays["grid"])
     scene.__dict__["kept"] = arrays  # as long as the scene lives, so do its arrays
     scene.__dict__["device"] = arrays["primitives"].device
     return scene

@@ -94,7 +94,7 @@ class Primitive:
 class Scene:
     """All bodies of a batch: rows `body_first[b]` to `body_first[b + 1]` make body b.
 
-    The fields are addresses and lengths of arrays that `body.scene_of` keeps. Warp passes structs
+    The fields are addresses of arrays that `body.scene_of` keeps. Warp passes structs
     by value, and passing four array records to each call costs more than the distances themselves.
     """
 
@@ -103,9 +103,7 @@ class Scene:
     primitives: wp.uint64
     primitive_count: int
     profile: wp.uint64  # (z, r) [m]
-    profile_count: int
     grid: wp.uint64  # [m], float32
-    grid_count: int
 
 
 @wp.func

@@ -4,11 +4,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from fake_episodes import cell_by_cell, rows_of
 from studies import SMALL, fill, plan_of, write_spec
 
 from sweeps.analysis.interval import ObjectMeans
 from sweeps.cli import main as cli
-from sweeps.race.power import Spreads, told_apart
+from sweeps.race.power import Spreads, pilot_spreads, told_apart
+from sweeps.run.unit_file import Columns
+from sweeps.spec.cell import Cell
 
 
 @pytest.mark.parametrize(("over", "between", "entries"), [
@@ -29,6 +32,22 @@ def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between:
         found = board.differences(0, over)
         shown += found.low[1] > 0
     assert shown / 400 == pytest.approx(0.8, abs=0.06)
+
+
+def test_an_object_without_scores_tells_nothing(tmp_path: Path) -> None:
+    """The spread is of the others; it was told as nan."""
+    def without_block(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        rows = rows_of(cell, episodes, device)
+        lost = cell.object_name == "block"
+        return rows | {"chamfer_mm": np.where(lost, np.nan, rows["chamfer_mm"])}
+
+    plan = plan_of(tmp_path / "spec", SMALL.replace("= 70\no", "= 6\no"))
+    objects = len(plan.study.objects)
+    fill(tmp_path / "whole", plan)
+    fill(tmp_path / "pilot", plan, cell_by_cell(without_block))
+    whole, found = (pilot_spreads(tmp_path / name, "chamfer_mm") for name in ("whole", "pilot"))
+    assert found.within.shape[1] == objects - 1 == whole.within.shape[1] - 1
+    assert np.isin(found.within, whole.within).all()
 
 
 def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
