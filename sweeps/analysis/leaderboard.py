@@ -9,7 +9,7 @@ is the share of failed episodes.
 
 The last row, `given-prior`, is not ranked (NA): it is what an entry scores that touches nothing
 (`entries.references_of`). `worse_than_prior` flags the entries that are worse. An entry without a
-value has no rank (empty).
+value has no rank (empty). Entries of equal means share one.
 
 `_ci_` columns are of objects like these, `_these_` columns of these objects with other episodes;
 see `interval`. Differences to the best hold for all entries at once.
@@ -17,6 +17,7 @@ see `interval`. Differences to the best hold for all entries at once.
 
 import hashlib
 from collections.abc import Iterator, Sequence
+from math import isclose
 from typing import Any
 
 import numpy as np
@@ -240,7 +241,10 @@ class _Ranking:
             "delta_these_low": (delta_these.low, digits),
             "delta_these_high": (delta_these.high, digits)}
         rows, worse = [], self.beside_prior[metric].worse(sign)
-        for rank, n in enumerate(order, 1):
+        rank, before = 0, np.nan
+        for place, n in enumerate(order, 1):
+            if not isclose(key[n], before, rel_tol=ROUNDING):  # equal means share a rank
+                rank, before = place, key[n]
             name = self.entries[n].label
             cells = {column: number_text(values[n], places)
                      for column, (values, places) in columns.items()}

@@ -249,7 +249,10 @@ def test_entries_that_did_the_same_are_told(tmp_path: Path) -> None:
         return {**rows, "touches": rows["touches"] + round(read.sensors.tendon_threshold_N)}
 
     plan = plan_of(tmp_path, SMALL + '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 5, 7]\n')
-    notes = make_leaderboard(plan, [fill(tmp_path, plan, one_does_not_read_it)]).notes
+    board = make_leaderboard(plan, [fill(tmp_path, plan, one_does_not_read_it)])
+    notes = board.notes
+    assert [(row["rank"], row["strategy"].partition(" ")[0]) for row in rows_of(board)] == [
+        ("1", "mine"), ("2", "mine"), ("3", "mine"), ("4", "ring6"), ("4", "ring6"), ("4", "ring6")]
     assert [note for note in notes if "did the same" in note] == [
         f"ring6 [sensors.tendon_threshold_N={n}] did the same as ring6 "
         "[sensors.tendon_threshold_N=3] in every episode: what differs between them changes "
