@@ -160,6 +160,15 @@ def test_facades_give_what_they_name() -> None:
                 getattr(facade, public)
 
 
+def test_every_module_can_be_imported() -> None:
+    """Also those that a command imports when it is asked for, with the tables made there."""
+    for name in MODULES:
+        try:
+            importlib.import_module(name)
+        except ModuleNotFoundError as error:  # of an extra
+            assert (error.name or "").partition(".")[0] not in FLOORS, name
+
+
 def test_jaxopt_lives_in_one_file() -> None:
     users = [name for path, name in FILES.items()
              if any(module.split(".")[0] == "jaxopt" for module, _ in imported(path))]

@@ -98,6 +98,8 @@ def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], 
     choices, low, high = (of.metadata.get(name) for name in ("choices", "low", "high"))
     if choices and not (isinstance(value, str) and value in choices):
         raise ValueError(f"{table}: {word} is {value!r}; should be one of {', '.join(choices)}")
+    if value is None and "None" in str(of.type):
+        return
     if value is of.default or (isinstance(value, np.ndarray) and value.ndim):
         return
     for kind, wanted in ((bool, "True or False"), (str, "a text")):

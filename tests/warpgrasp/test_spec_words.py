@@ -9,7 +9,7 @@ import pytest
 
 from strategies.poses.waypoints import WAYPOINT_KINDS, Column, Ring
 from sweeps.spec.units import spec_fields
-from warpgrasp.parameters import ErrorTable, HandTable, ObjectTable, PadTable, SensorTable
+from warpgrasp.parameters import ErrorTable, FitTable, HandTable, ObjectTable, PadTable, SensorTable
 
 
 def test_the_words_of_a_spec_and_the_fields_make_the_same_table() -> None:
@@ -58,6 +58,11 @@ def test_a_value_that_a_spec_could_not_have_is_refused(make: object, says: str) 
     with pytest.raises(ValueError, match="should be") as error:
         make()  # type: ignore[operator]
     assert says in str(error.value)
+
+
+def test_what_may_be_missing_may_be() -> None:
+    assert FitTable(upright_rad=None).upright_rad is None
+    assert ObjectTable(yaw_rad=None).yaw_rad is None
 
 
 def test_errors_and_their_scale_may_go_beyond_the_bounds_of_each() -> None:
