@@ -13,7 +13,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "value_text", "values_of"],
     "interval": ["LEVEL", "ObjectMeans", "critical_difference", "small_sample_widening",
         "students_t"],
-    "leaderboard": ["Leaderboard", "make_leaderboard"],
+    "leaderboard": ["MORE", "Leaderboard", "make_leaderboard"],
     "objects": ["ALSO", "BESIDE", "beside_table", "objects_table"],
     "paired": ["MANY_OBJECTS", "ObjectRows", "Paired", "by_episode", "failure_score", "filled",
         "interval_note", "read_objects", "read_paired"],
