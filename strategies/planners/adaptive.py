@@ -15,7 +15,7 @@ from strategies.planners.any_object import FreeFormSearch
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
-from strategies.planners.register import planner
+from strategies.planners.register import planner, real_option
 from strategies.recovery.belief import Belief
 
 NEW_AT_M = 0.03
@@ -33,14 +33,6 @@ FIELD_NOISE_M = 0.002
 """The same where a Gaussian process stands for the surface [est]."""
 FIELD_SPREAD_M = 0.01
 """Standard deviation of such a surface before any touch [est]."""
-
-
-def alike_over(length_m: float) -> float:
-    """An option `length_m` of a planner. Raises ValueError."""
-    length = float(length_m)
-    if not 1e-3 <= length <= 1.0:
-        raise ValueError(f"length_m is {length_m!r}; should be from 0.001 to 1")
-    return length
 
 
 class OneAtATime(ABC):
@@ -172,7 +164,7 @@ class SurfaceGaussianProcess(OneAtATime):
     def __init__(self, length_m: float = 0.03) -> None:
         """`length_m`: over which distances the surface is alike. Raises ValueError."""
         super().__init__()
-        self.length_m = alike_over(length_m)
+        self.length_m = real_option("length_m", length_m, 0.001, 1.0)
         self.search = FreeFormSearch()
 
     def __call__(self, belief: Belief) -> list[Probe]:

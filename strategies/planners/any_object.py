@@ -18,7 +18,7 @@ from strategies.foresight.hand_samples import HandSamples, reached_place, sample
 from strategies.foresight.occupancy import Occupancy, Prospect, begin_occupancy
 from strategies.foresight.process_occupancy import occupancy_by_process
 from strategies.planners.probes import Grasp, Probe
-from strategies.planners.register import planner
+from strategies.planners.register import planner, whole_option
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.recovery.belief import Belief
@@ -62,11 +62,8 @@ class AnyObject:
         """`poses` a step, chosen of so many `candidates`; `paths` says which closing path the
         hand takes, and so how wide it opens: all in turn, or in each world the one that is expected
         to bring most there ("matched"). Raises ValueError."""
-        self.poses, self.candidates = int(poses), int(candidates)
-        if not 1 <= self.poses <= 16:
-            raise ValueError(f"poses is {poses!r}; should be from 1 to 16")
-        if not self.poses <= self.candidates <= 65536:
-            raise ValueError(f"candidates is {candidates!r}; should be from {poses} to 65536")
+        self.poses = whole_option("poses", poses, 1, 16)
+        self.candidates = whole_option("candidates", candidates, self.poses, 65536)
         if paths not in (IN_TURN, MATCHED):
             raise ValueError(f"paths is {paths!r}; should be {IN_TURN!r} or {MATCHED!r}")
         self.matched = paths == MATCHED

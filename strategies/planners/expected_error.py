@@ -17,9 +17,9 @@ import numpy as np
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import distance_slopes, surface_distance
-from strategies.planners.adaptive import OneAtATime, alike_over
+from strategies.planners.adaptive import OneAtATime
 from strategies.planners.candidates import predicted_touches
-from strategies.planners.register import planner
+from strategies.planners.register import planner, real_option
 from strategies.recovery.belief import Belief
 from warpgrasp.mechanism.arm_reach import travel_time
 
@@ -46,7 +46,7 @@ class ExpectedError(OneAtATime):
         """`length_m`: over which distances what no superquadric explains is alike; `per_second`:
         the gain is divided by the time that the pose will cost. Raises ValueError."""
         super().__init__()
-        self.length_m = alike_over(length_m)
+        self.length_m = real_option("length_m", length_m, 0.001, 1.0)
         if not isinstance(per_second, bool):
             raise ValueError(f"per_second is {per_second!r}; should be true or false")
         self.per_second = per_second

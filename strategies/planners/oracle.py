@@ -11,7 +11,7 @@ import numpy as np
 
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
-from strategies.planners.register import planner
+from strategies.planners.register import planner, whole_option
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 
@@ -25,9 +25,7 @@ class Oracle:
     def __init__(self, tried: int = 10) -> None:
         """`tried`: candidates tried at each step, spread over all that are left. Raises ValueError.
         """
-        if not isinstance(tried, int | np.integer) or isinstance(tried, bool) or tried < 1:
-            raise ValueError(f"tried is {tried!r}; should be a whole number from 1")
-        self.tried = int(tried)
+        self.tried = whole_option("tried", tried, 1)
         self.taken: np.ndarray | None = None
         self.foresee: Foresight | None = None
         self.error: Callable[[Recovered], np.ndarray] | None = None

@@ -11,6 +11,8 @@ argument is the planner.
 import inspect
 import traceback
 from collections.abc import Callable, Sequence
+from math import inf, isfinite
+from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
@@ -36,6 +38,21 @@ def planner(name: str, doc: str = "") -> Callable[[Maker], Maker]:
 def first_line(found: Any) -> str:
     """The first line of a docstring."""
     return (inspect.getdoc(found) or "").partition("\n")[0]
+
+
+def whole_option(name: str, value: Any, low: int, high: float = inf) -> int:
+    """An option of a planner that is a whole number. Raises ValueError."""
+    if not isinstance(value, Integral) or isinstance(value, bool) or not low <= int(value) <= high:
+        upto = f" to {high}" if isfinite(high) else ""
+        raise ValueError(f"{name} is {value!r}; should be a whole number from {low}{upto}")
+    return int(value)
+
+
+def real_option(name: str, value: Any, low: float, high: float) -> float:
+    """An option of a planner that is a number. Raises ValueError."""
+    if not isinstance(value, Real) or isinstance(value, bool) or not low <= float(value) <= high:
+        raise ValueError(f"{name} is {value!r}; should be a number from {low:g} to {high:g}")
+    return float(value)
 
 
 class Planner(Protocol):

@@ -13,14 +13,12 @@ from sweeps.spec.checks import check_swept_order
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
 from sweeps.spec.named_files import UNSWEPT
 from sweeps.spec.strategies import is_option, read_names
-from sweeps.spec.study import ARM_KEY, HAND_KEY, Axis
+from sweeps.spec.study import WORDS, Axis
 from sweeps.spec.units import spec_fields
 
 KINDS = ("grid", "zip", "sobol", "lhs")
 POINT_LIMIT = 10**5  # points of one sampled axis
 SETTABLE = ("seed", "episodes_per_cell", "keep", "name")
-WORDS = {"hand": HAND_KEY, "arm": ARM_KEY}
-"""Sections that a sweep may name by a word alone, and the key that it is short for."""
 Reader = Callable[[Any, KeyPath, Problems], Any]
 
 

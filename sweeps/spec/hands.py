@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 from strategies.poses.closing_paths import CLOSING_PATHS
-from sweeps.spec.axes import WORDS
 from sweeps.spec.checks import (
     changed,
     closes_fingers,
@@ -21,7 +20,7 @@ from sweeps.spec.checks import (
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.search import with_ends
-from sweeps.spec.study import HAND_KEY, Study
+from sweeps.spec.study import HAND_KEY, WORDS, Study
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.parameters import UTAH_MIT, HandTable
 

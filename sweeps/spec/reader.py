@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 from typing import Any
 
 from sweeps.output import quiet_stdout
-from sweeps.spec.axes import WORDS, read_axes, read_overrides
+from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import (
     ERROR_KEYS,
@@ -22,7 +22,7 @@ from sweeps.spec.checks import (
     check_places,
     check_used,
 )
-from sweeps.spec.errors import Problem, Problems, SpecError, choose
+from sweeps.spec.errors import Problem, Problems, SpecError, choose, short
 from sweeps.spec.hands import check_closings, check_hands, read_hand, spelled_out
 from sweeps.spec.named_files import (
     KEY,
@@ -34,9 +34,17 @@ from sweeps.spec.named_files import (
     with_models,
 )
 from sweeps.spec.objects import read_objects
-from sweeps.spec.search import read_search, with_ends
+from sweeps.spec.search import Search, read_search, with_ends
 from sweeps.spec.strategies import read_strategies
-from sweeps.spec.study import ARM_KEY, CELL_LIMIT, EPISODE_LIMIT, HAND_KEY, Study, StudyTable
+from sweeps.spec.study import (
+    ARM_KEY,
+    CELL_LIMIT,
+    EPISODE_LIMIT,
+    HAND_KEY,
+    WORDS,
+    Study,
+    StudyTable,
+)
 from sweeps.spec.toml_reader import read_toml
 from sweeps.spec.units import read_table
 
@@ -132,7 +140,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     objects = read_objects(values.get("objects", []), base_dir, problems)
     axes = read_axes(values.get("sweep", {}), extra_grid or {}, strategies, tables, head.seed,
                      problems)
-    for key, read in ((HAND_KEY, read_hand), (ARM_KEY, read_arm)):
+    for key, read in _KINDS:
         axes = tuple(with_files(axis, key, read, base_dir, problems) for axis in axes)
     check_order(tables, values, axes, problems)
     for axis in axes:
@@ -140,6 +148,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
             check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
                                     problems.at_swept(KEY), problems)
     search = read_search(values.get("search"), strategies, axes, problems)
+    _check_searched(search, base_dir, problems)
     study = Study(head, objects, strategies, tables, axes, search, base_dir)
     if (spanned := max(study.cell_count, study.setting_count)) > CELL_LIMIT:
         problems.add(("sweep",), f"spans {spanned:,} cells; the limit is {CELL_LIMIT:,}")
@@ -159,6 +168,22 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     return study
 
 
+def _check_searched(search: Search | None, base_dir: FilePath, problems: Problems) -> None:
+    """Notes what a search names and there is not: hands, arms, what stands for the body."""
+    for factor in search.factors if search else ():
+        path = ("search", factor.key)
+        for key, read in _KINDS:
+            for name in factor.choices if factor.key == key else ():
+                if name.endswith(".toml"):
+                    problems.add(path, f"is {short(name)}; a search proposes those that ship; "
+                                 "write yours in [sweep.grid]")
+                else:
+                    read(name, base_dir, problems, path)
+        if factor.key == KEY:
+            check_swept_reconstruct(factor.choices, path, problems)
+
+
+_KINDS = ((HAND_KEY, read_hand), (ARM_KEY, read_arm))
 _EXAMPLES = {
     "schema": "write schema = 1",
     "objects": 'name at least one, as in objects = ["block", "wine_bottle"]',

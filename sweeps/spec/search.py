@@ -17,7 +17,7 @@ from typing import Any
 
 from strategies.strategy import Strategy
 from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, StoreError, choose, short
-from sweeps.spec.study import Axis, Study
+from sweeps.spec.study import WORDS, Axis, Study
 
 COUNTS = {"trials": (60, 2, 100_000), "round": (20, 2, 10_000), "finalists": (10, 2, 1000),
           "episodes": (16, 2, 100_000)}
@@ -102,8 +102,8 @@ def read_search(table: Any, strategies: Sequence[Strategy], axes: Iterable[Axis]
     swept = {key for axis in axes for key in axis.keys}
     readers = _readers(strategies)
     factors: list[Factor] = []
-    for key, value in _flat(table):
-        place = (*path, key)
+    for name, value in _flat(table):
+        key, place = WORDS.get(name, name), (*path, name)
         if key not in readers:
             problems.add(place, f"unknown key {short(key)}; {choose(key, readers)}")
         elif key in swept:

@@ -12,6 +12,7 @@ from strategies.ready_made import REFERENCE, STRATEGIES
 from strategies.strategy import BUDGET_KEYS, PROCEDURES, Strategy
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.named_files import CSV_LIMIT, NoFile, named_file
+from sweeps.spec.study import REFITTED
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")
@@ -76,15 +77,17 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
     """The planner that a strategy names, and its options; of one that ships also its budget, where
     the table has none."""
     call, options = table.get("strategy", strategy.call), table.get("options", {})
-    if "strategy" in table:
-        clash = [key for key in ("order", "waypoints") if key in table]
-        if not isinstance(call, str) or not call:
-            problems.add((*path, "strategy"), f"is {short(call)}; should be a planner's name, or "
-                         'a file and a function in it, as "mine.py:next_best"')
-            return strategy
-        for key in clash:
-            problems.add((*path, key), "has no meaning beside a planner (strategy = ...), which "
+    if "strategy" in table and (not isinstance(call, str) or not call):
+        problems.add((*path, "strategy"), f"is {short(call)}; should be a planner's name, or "
+                     'a file and a function in it, as "mine.py:next_best"')
+        return strategy
+    for key in ("order", "waypoints") if call else ():
+        if key in table:
+            problems.add((*path, key), f"has no meaning beside a planner ({short(call)}), which "
                          "chooses for itself")
+    if call in REFITTED and "refit_every" in table:
+        problems.add((*path, "refit_every"), f"has no meaning beside {short(call)}, which looks at "
+                     "the body after every step")
     if not isinstance(options, Mapping):
         problems.add((*path, "options"), "should be a table of numbers, texts and booleans")
         options = {}

@@ -16,6 +16,8 @@ from sweeps.spec.cell import APART, SECTIONS, TABLES, Cell
 from warpgrasp.parameters import TrueTables
 
 HAND_KEY, ARM_KEY = "hand.kind", "arm.kind"
+WORDS = {"hand": HAND_KEY, "arm": ARM_KEY}
+"""Sections that a spec may name by a word alone, and the key that it is short for."""
 FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it is read from
 
 _WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
@@ -25,7 +27,7 @@ _WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
 pads, too; cameras may also see the prior, whatever the strategy."""
 SEEN = frozenset(("silhouettes", "depth"))
 """Priors that cameras see."""
-_REFITTED = frozenset(s.call for s in STRATEGIES.values() if s.call) - {*UNGUIDED}
+REFITTED = frozenset(s.call for s in STRATEGIES.values() if s.call) - {*UNGUIDED}
 """Planners whose bodies are fitted after every step, whatever `refit_every` says."""
 _OF_ALL = ("closings", "order", "refit_every", *BUDGET_KEYS)
 """Keys of a strategy that each has."""
@@ -117,7 +119,7 @@ class Study:
         if strategy.call and (name == "order" or name not in _OF_ALL):
             return False
         if name == "refit_every" and strategy.call:
-            return strategy.call not in _REFITTED
+            return strategy.call not in REFITTED
         own = name in _OF_ALL or any(_has_field(family, name) for family in strategy.waypoints)
         if name == "order" or name in BUDGET_KEYS or strategy.call:
             return own

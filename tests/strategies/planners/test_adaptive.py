@@ -80,8 +80,9 @@ def test_information_is_that_of_the_linear_model() -> None:
 
 
 def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
-    with pytest.raises(PlannerError, match=r"length_m.*could not convert"):
-        make_planner("gaussian-process", {"length_m": "wide"})
+    for value in ("wide", True, 2.0):
+        with pytest.raises(PlannerError, match=r"length_m.*should be a number from 0\.001 to 1"):
+            make_planner("gaussian-process", {"length_m": value})
     with pytest.raises(PlannerError, match="breadth"):
         make_planner("even", {"breadth": 1})
 

@@ -26,9 +26,10 @@ def episodes(strategy: Strategy, name: str, numbers: np.ndarray) -> dict[str, np
 
 
 def test_options_out_of_range_are_named() -> None:
-    with pytest.raises(ValueError, match="poses is 0; should be from 1 to 16"):
-        AnyObject(poses=0)
-    with pytest.raises(ValueError, match="candidates is 1; should be from 4 to 65536"):
+    for poses in (0, 1.5, True, "4"):
+        with pytest.raises(ValueError, match="should be a whole number from 1 to 16"):
+            AnyObject(poses=poses)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match="candidates is 1; should be a whole number from 4 to"):
         AnyObject(candidates=1)
     with pytest.raises(ValueError, match="paths is 'wide'; should be 'in-turn' or 'matched'"):
         AnyObject(paths="wide")

@@ -237,6 +237,11 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ('[sweep.grid]\n"contact.friction" = [0.2, 0.5]', "search: proposes entries of one strategy"),
     ('[[strategy]]\nname = "ring6"', "search: proposes entries of one strategy"),
     ("finalists = 1", "finalists: is 1; should be a whole number from 2"),
+    ('"hand.kind" = ["utah_mit", "nope"]', "no hand 'nope'"),
+    ('"hand" = ["utah_mit", "nope"]', "no hand 'nope'"),
+    ('"hand.kind" = ["utah_mit", "mine.toml"]', "a search proposes those that ship"),
+    ('"arm.kind" = ["puma560", "nope"]', "no arm 'nope'"),
+    ('"fit.reconstruct" = ["chosen", "nonsense"]', "fit.reconstruct: is 'nonsense'"),
     ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
 ])
 def test_refusals(tmp_path: Path, line: str, message: str) -> None:

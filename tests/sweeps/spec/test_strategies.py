@@ -52,6 +52,15 @@ def test_what_is_wrong_with_a_strategy_is_told_with_its_line(
     assert all(f"{file}:" in problem.where for problem in error.value.problems)
 
 
+@pytest.mark.parametrize("line", ['order = ["planar"]', 'waypoints = { kind = "ring" }',
+                                  "refit_every = 2"])
+def test_keys_that_say_nothing_of_a_ready_made_planner(tmp_path: Path, line: str) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "any-object"\n' + line)
+    with pytest.raises(SpecError, match=r"study\.toml:5: .*has no meaning beside"):
+        read_spec(file)
+
+
 RING, DECIDE = '[[strategy]]\nname = "ring6"\n', '[[strategy]]\nname = "coarse-to-fine"\n'
 RANDOM = '[[strategy]]\nname = "random"\n'
 STEREO = '[contour]\naxis = "stereo"\n'
