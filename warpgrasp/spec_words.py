@@ -21,8 +21,8 @@ import numpy as np
 # A trailing m or rad is a length or an angle, unless it belongs to a compound: N_m, Nm_rad, per_m.
 _UNIT = re.compile(r"^(?P<stem>.*(?<!_N)(?<!_Nm)(?<!_per))_(?P<unit>m|rad)(?P<rate>_s)?$")
 _SHARE = re.compile(r"^(?P<stem>link_length|moment_arm|pad_gain)_share$")
-_ROUNDING = 1e-12
-"""Of a bound, by which a value in a spec's unit may lie beyond it."""
+_ROUNDING = 1e-9
+"""Of a bound, by which a value in a spec's unit may lie beyond it: messages give ten digits."""
 Table = TypeVar("Table")
 
 

@@ -25,7 +25,7 @@ class Oracle:
     def __init__(self, tried: int = 10) -> None:
         """`tried`: candidates tried at each step, spread over all that are left. Raises ValueError.
         """
-        self.tried = whole_option("tried", tried, 1)
+        self.tried = whole_option("tried", tried, 1, 10_000)
         self.taken: np.ndarray | None = None
         self.foresee: Foresight | None = None
         self.error: Callable[[Recovered], np.ndarray] | None = None

@@ -1,7 +1,7 @@
 """The command line's app, the checks of its arguments, and the exit codes."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -38,6 +38,14 @@ def folders_and_kind(words: Sequence[str | Path], kinds: Iterable[str]) -> tuple
     if len(words) < 2:
         raise UsageError("DIR: is missing; name the directory of a study before the kind")
     return [Path(word) for word in words[:-1]], kind
+
+
+def refuse_idle(kind: str, options: Mapping[str, tuple[object, Sequence[str]]]) -> None:
+    """Refuses an option that was given and says nothing of a kind: each has its value, None where
+    it was not given, and the kinds that it is for."""
+    for name, (value, kinds) in options.items():
+        if value is not None and kind not in kinds:
+            raise UsageError(f"{name}: says nothing of {kind}; is for {', '.join(kinds)}")
 
 
 def refuse_existing(file: Path, force: bool) -> None:

@@ -89,6 +89,8 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
 
         chosen = _strategy_of_argument(strategy or DEFAULT)
         table = object_of_argument(object_, units, stable_pose)
+        if units is not None and "mesh" not in table:
+            raise StoreError(f"--units: is of a mesh file; {object_} is none")
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.cli.warmup import compile_explored

@@ -60,6 +60,8 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
         say(_left_out(sets))
     if table_z_m is not None:
         _check_table(sets, table_z_m)
+    if normal_deg is not None and sets.normals is None:
+        raise StoreError(f"--normal-deg: {points} has no columns nx, ny, nz")
     if shape == "superquadric" and sets.normals is not None:
         for name in inward(sets, sets.normals):
             say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "

@@ -68,6 +68,8 @@ def _tables(what: Sequence[str], units: str | None) -> dict[str, dict[str, Any]]
         if table["name"] in tables:
             raise StoreError(f"{name}: the name {table['name']} is given twice")
         tables[table["name"]] = table
+    if units is not None and not any("mesh" in table for table in tables.values()):
+        raise StoreError("--units: is of mesh files, and none is named")
     return tables
 
 

@@ -5,7 +5,16 @@ from typing import Annotated, Literal
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Folders, Json, UsageError, app, count_of, device_of, folders_and_kind
+from sweeps.cli.app import (
+    Folders,
+    Json,
+    UsageError,
+    app,
+    count_of,
+    device_of,
+    folders_and_kind,
+    refuse_idle,
+)
 
 TableKind = Literal["pairs", "objects", "beside", "confusion", "curves", "reach", "same-time",
                     "pareto", "settings"]
@@ -13,12 +22,14 @@ FigureKind = Literal["forest", "curves-touches", "curves-time", "pareto", "confu
                      "levels", "contacts", "faces", "contour", "taxels", "grasp"]
 Over = Literal["like-these", "these"]
 """Kinds, repeated here so that help and completion import neither tables nor figures."""
+METRIC = "chamfer_mm"
+"""What is compared where no other score is named."""
 
 
 @app.command
 def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")], /, *,
           out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
-          metric: str = "chamfer_mm", against: str | None = None, over: Over | None = None,
+          metric: str | None = None, against: str | None = None, over: Over | None = None,
           json: Json = False) -> int:
     """Print a table of a study: paired tests, medians, recognition, curves, settings.
 
@@ -33,7 +44,7 @@ def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")]
     out
         Also write it, as CSV.
     metric
-        Of pairs, objects, pareto and settings.
+        Of pairs, objects, pareto and settings; chamfer_mm if not given.
     against
         For pairs and same-time: compare with one strategy only; best is the leaderboard's first.
     over
@@ -45,7 +56,11 @@ def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")]
     from sweeps.analysis import tables
 
     folders, kind = folders_and_kind(words, tables.KINDS)
-    return tables.table(folders, kind, out, metric=metric, against=against, over=over,
+    refuse_idle(kind, {
+        "--metric": (metric, ("pairs", "objects", "pareto", "settings")),
+        "--against": (against, ("pairs", "same-time")),
+        "--over": (over, [name for name in tables.KINDS if name != "confusion"])})
+    return tables.table(folders, kind, out, metric=metric or METRIC, against=against, over=over,
                         as_json=json)
 
 
@@ -89,7 +104,7 @@ def rows(folders: Folders, /, *,
 
 @app.command
 def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Parameter(name="B")],
-            /, *, metric: str = "chamfer_mm", over: Over | None = None,
+            /, *, metric: str | None = None, over: Over | None = None,
             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
             json: Json = False) -> int:
     """Compare two studies: what changed in their specs, and what that did to what they share.
@@ -101,7 +116,7 @@ def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Pa
     other
         The other one; differences are B minus A.
     metric
-        What to compare.
+        What to compare; chamfer_mm if not given.
     over
         What intervals are of: objects like-these (the default where there are several), or these
         objects with other episodes.
@@ -118,9 +133,9 @@ def compare(one: Annotated[Path, Parameter(name="A")], other: Annotated[Path, Pa
 @app.command
 def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND")], /, *,
            out: Annotated[Path, Parameter(name=["--out", "-o"])],
-           metric: str = "chamfer_mm", strategy: str | None = None,
+           metric: str | None = None, strategy: str | None = None,
            object_: Annotated[str | None, Parameter(name="--object")] = None,
-           episode: int = 0, over: Over | None = None) -> int:
+           episode: int | None = None, over: Over | None = None) -> int:
     """Draw a figure of a study, one column wide: SVG, PDF or PNG. Contacts also as CSV.
 
     Parameters
@@ -136,14 +151,14 @@ def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND"
     out
         The file; its ending, .svg, .pdf or .png (for contacts also .csv), names the format.
     metric
-        Of forest, pareto, settings and levels.
+        Of forest, pareto, settings and levels; chamfer_mm if not given.
     strategy
         For confusion and the figures of one episode; by default the best. An entry's name in
         the leaderboard names the setting too ("ring6 [sensors.tendon_threshold_N=3]").
     object_
         For those of one episode; by default the first.
     episode
-        For those: which episode of that strategy and object.
+        For those: which episode of that strategy and object; 0 if not given.
     over
         For curves, pareto and levels: intervals of objects like-these, or of these with other
         episodes. The forest has both.
@@ -151,13 +166,18 @@ def figure(words: Annotated[list[FigureKind | str], Parameter(name="DIR... KIND"
     from sweeps.figures import kinds as figures
 
     folders, kind = folders_and_kind(words, figures.KINDS)
-    return figures.figure(folders, kind, out, metric=metric, strategy=strategy, object_=object_,
-                          episode=episode, over=over)
+    refuse_idle(kind, {
+        "--metric": (metric, ("forest", "pareto", "settings", "levels")),
+        "--strategy": (strategy, ("confusion", *figures.OF_EPISODE)),
+        "--object": (object_, figures.OF_EPISODE), "--episode": (episode, figures.OF_EPISODE),
+        "--over": (over, ("forest", "curves-touches", "curves-time", "pareto", "levels"))})
+    return figures.figure(folders, kind, out, metric=metric or METRIC, strategy=strategy,
+                          object_=object_, episode=episode or 0, over=over)
 
 
 @app.command
 def report(folders: Folders, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
-           views: bool = True, workers: int = 1, device: str = "cpu") -> int:
+           views: bool = True, workers: int | None = None, device: str | None = None) -> int:
     """Write a study as one HTML file that needs no network.
 
     Parameters
@@ -169,21 +189,24 @@ def report(folders: Folders, /, *, out: Annotated[Path, Parameter(name=["--out",
     views
         Run the best, median and worst episode of each strategy again, for their 3-D views.
     workers
-        Cores to use for that, one process each.
+        Cores to use for that, one process each; 1 if not given.
     device
-        cpu, or cuda:0.
+        For that: cpu, if not given, or cuda:0.
     """
     from sweeps.report import page as report
 
-    return report.report(folders, out, views=views, device=device_of(device),
-                         workers=count_of(workers, "--workers"))
+    for name, value in (("--workers", workers), ("--device", device)):
+        if value is not None and not views:
+            raise UsageError(f"{name}: is for views; leave it or --no-views out")
+    return report.report(folders, out, views=views, device=device_of(device or "cpu"),
+                         workers=count_of(1 if workers is None else workers, "--workers"))
 
 
 @app.command
 def show(folders: Folders, /, *, episode: int = 0, strategy: str | None = None,
          object_: Annotated[str | None, Parameter(name="--object")] = None,
          out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
-         live: Annotated[bool, Parameter(negative="")] = False, port: int = 8080,
+         live: Annotated[bool, Parameter(negative="")] = False, port: int | None = None,
          device: str = "cpu") -> int:
     """Replay an episode: arm, hand, object, contacts, and the recovered shape.
 
@@ -203,7 +226,7 @@ def show(folders: Folders, /, *, episode: int = 0, strategy: str | None = None,
     live
         Serve it on this machine alone (127.0.0.1) until Ctrl-C.
     port
-        For --live.
+        For --live; 8080 if not given.
     device
         cpu, or cuda:0.
     """
@@ -211,5 +234,8 @@ def show(folders: Folders, /, *, episode: int = 0, strategy: str | None = None,
 
     if out is None and not live:
         raise UsageError("show: no output given; use -o FILE.html or --live")
+    if port is not None and not live:
+        raise UsageError("--port: is for --live")
     return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
-                       live=live, port=port, device=device_of(device))
+                       live=live, port=8080 if port is None else port,
+                       device=device_of(device))

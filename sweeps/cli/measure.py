@@ -5,13 +5,13 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, app, count_of, device_of
+from sweeps.cli.app import Json, UsageError, app, count_of, device_of
 
 
 @app.command
 def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
-             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None, poses: int = 24,
-             workers: int = 2, json: Json = False) -> int:
+             out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+             poses: int | None = None, workers: int | None = None, json: Json = False) -> int:
     """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
 
     Parameters
@@ -21,16 +21,20 @@ def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None
     out
         Also write the table there, as CSV and Markdown.
     poses
-        Random hand poses of each body and closing path, for closing.
+        Random hand poses of each body and closing path, for closing; 24 if not given.
     workers
-        Processes, for closing.
+        Processes, for closing; 2 if not given.
     json
         Print JSON.
     """
     from sweeps.validate.command import validate as run_validate
 
-    return run_validate(only or [], out, poses=count_of(poses, "--poses"),
-                        workers=count_of(workers, "--workers"), as_json=json)
+    for name, value in (("--poses", poses), ("--workers", workers)):
+        if value is not None and only and "closing" not in only:
+            raise UsageError(f"{name}: is for closing, which --only leaves out")
+    return run_validate(only or [], out, as_json=json,
+                        poses=count_of(24 if poses is None else poses, "--poses"),
+                        workers=count_of(2 if workers is None else workers, "--workers"))
 
 
 @app.command

@@ -48,7 +48,7 @@ def init(spec: Path, /, *, force: Force = False) -> int:
 
 @app.command
 def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
-          metric: str = "chamfer_mm", json: Json = False) -> int:
+          metric: str | None = None, json: Json = False) -> int:
     """Check a study; print its cells, episodes, disk and time, and what it can tell apart.
 
     Parameters
@@ -61,7 +61,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
         The directory of a sweep of a few episodes, of such entries on such objects: say which
         differences the study will tell apart.
     metric
-        Of these differences.
+        Of these differences; chamfer_mm if not given.
     json
         Print JSON.
     """
@@ -71,6 +71,8 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     from sweeps.spec.reader import read_spec
     from warpgrasp.core.plain_text import on_one_line
 
+    if metric is not None and pilot is None:
+        raise UsageError("--metric: is of what a --pilot tells apart; name one")
     plan = plan_study(read_spec(spec, set_ or []))
     study = plan.study
     rows = {
@@ -85,7 +87,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     if pilot is not None:
         from sweeps.race.power import power_row
 
-        rows |= dict([power_row(plan, pilot, metric)])
+        rows |= dict([power_row(plan, pilot, metric or "chamfer_mm")])
     if json:
         print(dumps(rows, indent=1))
     else:
@@ -238,7 +240,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
 
 @app.command
-def watch(folder: Path, /, *, port: int = 0, metric: str = "chamfer_mm",
+def watch(folder: Path, /, *, port: int | None = None, metric: str = "chamfer_mm",
           terminal: Annotated[bool, Parameter(negative="")] = False,
           open_: Annotated[bool, Parameter(name="--open", negative="")] = False) -> int:
     """Watch a sweep or a race, also while it runs: a page on this machine, or text.
@@ -256,6 +258,10 @@ def watch(folder: Path, /, *, port: int = 0, metric: str = "chamfer_mm",
     open_
         Open the page in the browser of this machine.
     """
+    if terminal and (port is not None or open_):
+        raise UsageError(f"{'--open' if open_ else '--port'}: is of the page; leave it or "
+                         "--terminal out")
+    port = port or 0
     if not 0 <= port <= 65535:
         raise UsageError(f"--port: is {port}; should be a whole number from 0 to 65535")
     if terminal:

@@ -22,7 +22,7 @@ LISTED = 50
 """Changes that are printed; the rest is a number."""
 
 
-def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str | None,
+def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, over: str | None,
             as_json: bool) -> int:
     """Prints what changed from A to B, what they share, and its differences.
 
@@ -30,13 +30,16 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
     episode of it is finished, StoreError and SpecError for what cannot be read, StoreError for a
     race.
     """
-    check_metric(metric)
+    if metric is not None:
+        check_metric(metric)
     sides = [_read(path) for path in (one, other)]
     (plan, mine), (later, theirs) = sides
     changed = changes(plan, later)
     if mine is None or theirs is None:
-        if out is not None:
-            raise StoreError("-o: a table needs two studies; A and B should be directories")
+        for name, value in (("-o", out), ("--metric", metric), ("--over", over)):
+            if value is not None:
+                raise StoreError(f"{name}: is of a table, which needs two studies; A and B should "
+                                 "be directories")
         if as_json:
             print(json.dumps({"changes": changed}, indent=1))
         else:
@@ -48,6 +51,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str, over: str 
         _print_changes(changed)
         print()
     shared = shared_by(plan, later)
+    metric = metric or "chamfer_mm"
     shift = measure_shift((plan, mine), (later, theirs), shared, metric, over)
     if not shift.objects:
         raise StoreError(f"no episode of what A and B share is finished in both and has a value "

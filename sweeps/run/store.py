@@ -155,6 +155,9 @@ class Store:
             found = json.loads(file.read_bytes())
             if not isinstance(found, dict) or digest(found.get("study")) != found.get("hash"):
                 raise ValueError
+            if not (isinstance(found.get("earlier", []), list)
+                    and isinstance(found.get("name", ""), str)):
+                raise ValueError
         except FileNotFoundError:
             raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "
                              f"{self.folder}` makes one") from None
@@ -176,7 +179,8 @@ class Store:
 
     def unit_ids(self) -> set[str]:
         """Ids of the units that have a file; lists the folder once."""
-        return {name.removesuffix(".parquet") for name in os.listdir(self.units)}
+        return {name.removesuffix(".parquet") for name in
+                (os.listdir(self.units) if self.units.is_dir() else ())}
 
     def files(self, unit: Unit) -> dict[Path, str]:
         """A unit's files, the rows first, and the identity that stands in each."""
@@ -258,8 +262,12 @@ class Store:
                 holder = os.read(descriptor, 200).decode(errors="replace").strip()
                 raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
                            "wait for it, or give each run its own --shard I/N")
-            os.ftruncate(descriptor, 0)
-            os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(), 0)
+            try:
+                os.ftruncate(descriptor, 0)
+                os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(),
+                          0)
+            except OSError as error:
+                raise self._unwritable(error) from None
             if len(self.holders()) == 1:  # nobody else is writing: what is left is of killed runs
                 self._remove_temporaries()
             yield
@@ -351,7 +359,7 @@ def plan_of(store: Store) -> Plan:
     try:
         plan = plan_study(study_of(resolved["study"], resolved.get("name", ""),
                                    resolved.get("keep", "nothing")))
-    except (KeyError, TypeError, ValueError):
+    except (AttributeError, LookupError, TypeError, ValueError, ZeroDivisionError):
         plan = None
     if plan is None or plan.hash != resolved["hash"]:
         raise StoreError(f"{store.folder}/resolved.json: was written by another version, or "

@@ -1,9 +1,11 @@
 """One unit of work as a Parquet file with its identity and a check against damage, and beside it
 another one of its contacts, where they are kept."""
 
+import errno
 import hashlib
 import io
 import os
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -94,10 +96,14 @@ def read_unit(path: Path, unit_id: str, row_count: int | None = None) -> Columns
 def _read_bytes(path: Path) -> bytes:
     """The bytes of a file no larger than a unit can be; another error than that is the disk's."""
     try:
+        if not stat.S_ISREG(path.stat().st_mode):  # a pipe would be waited for
+            raise DamagedUnit("is no plain file")
         with path.open("rb") as stream:
             content = stream.read(_LARGEST_BYTES + 1)
-    except IsADirectoryError:
-        raise DamagedUnit("is a directory") from None
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise DamagedUnit("is a link to itself") from None
+        raise
     if len(content) > _LARGEST_BYTES:
         raise DamagedUnit(f"is larger than {_LARGEST_BYTES >> 20} MiB")
     return content

@@ -194,7 +194,7 @@ def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[s
             given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
             if swept:
                 searched = any(study.searches(key) for key, *_ in swept)
-                given = [("search" if searched else "sweep",)]
+                given = [("search",) if searched else problems.at_swept(swept[0][0])]
             problems.add([*given, path][0], told_of(swept) + wrong)
             return
 

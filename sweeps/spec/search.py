@@ -65,6 +65,12 @@ class Factor:
         nearest = round(-self.low / self.step)
         return (*ends, _after(self, nearest)) if 0 < nearest < self.steps else ends
 
+    def may_be(self, value: Any) -> bool:
+        """Whether a value may be proposed, as far as the ends of a range tell."""
+        if self.choices:
+            return value in self.choices
+        return isinstance(value, int | float) and self.low <= value <= self.high
+
     def is_open(self, values: Mapping[str, Any], known: Collection[str] | None = None) -> bool:
         """Whether it is proposed beside these values of earlier factors; of all of them, or as far
         as one can tell of those that are `known`."""
@@ -209,6 +215,10 @@ def _when(given: Any, earlier: Sequence[Factor], path: KeyPath, problems: Proble
         if key not in known:
             problems.add((*path, "when"), f"{short(key)} is no factor above this one; "
                          f"{choose(key, known)}")
+    for factor in earlier:
+        if never := [v for v in given.get(factor.key, []) if not factor.may_be(_frozen(v))]:
+            problems.add((*path, "when"), f"{factor.key} is never {short(never[0])}; should be a "
+                         "value that the factor above may have")
     return tuple((key, tuple(map(_frozen, values))) for key, values in given.items())
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from strategies.poses.waypoints import WAYPOINT_KINDS, Column, Ring
+from sweeps.spec.cell import SECTIONS
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import ErrorTable, FitTable, HandTable, ObjectTable, PadTable, SensorTable
 
@@ -32,6 +33,16 @@ def test_values_by_place_are_those_by_name(table: type) -> None:
     named = {f.name: f.default for f in fields(table) if f.init}
     assert table(*named.values()) == table(**named) == table()
     assert Column(0.04, 1.5, 0.0, 0.0, 0.5, 0.0, 6).count == 6
+
+
+@pytest.mark.parametrize("table", [*WAYPOINT_KINDS.values(), *SECTIONS.values()])
+def test_the_bounds_that_a_spec_names_are_taken(table: type) -> None:
+    """They are rounded to ten digits."""
+    for word, field in spec_fields(table).items():
+        for value in (field.low, field.high):
+            if math.isfinite(value) and field.kind in (int, float):
+                many = isinstance(field.default, tuple)
+                table(**{word: [value] * len(field.default) if many else value})
 
 
 @pytest.mark.parametrize(("make", "says"), [

@@ -204,11 +204,14 @@ def test_a_spec_in_another_order_gives_the_same_leaderboard(tmp_path: Path, fake
     ("resolved.json", '{"hash": "x", "study": []}', 2, "resolved.json: is damaged; remove it"),
     ("resolved.json", '{"hash": "x", "study": {}}', 2, "resolved.json: is damaged; remove it"),
     ("resolved.json", "[]", 2, "resolved.json: is damaged; remove it"),
+    ("resolved.json", '"earlier": 5', 2, "resolved.json: is damaged; remove it"),
 ])
 def test_what_is_no_record_of_a_study_is_said(
         swept: tuple[Path, Path], capsys: pytest.CaptureFixture[str], file: str, content: str,
         code: int, says: str) -> None:
     spec, out = swept
+    if content.startswith('"'):  # a key more
+        content = (out / file).read_text().rstrip()[:-1] + f", {content}}}"
     (out / file).write_text(content)
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == code
     assert says in capsys.readouterr().err

@@ -50,6 +50,38 @@ def test_help_and_completion_know_every_kind() -> None:
     assert set(get_args(look.FigureKind)) == set(figures.KINDS)
 
 
+@pytest.mark.parametrize(("words", "says"), [
+    ("table DIR objects --against best", "--against: says nothing of objects; is for pairs, same-"),
+    ("table DIR curves --metric iou", "--metric: says nothing of curves"),
+    ("table DIR confusion --over these", "--over: says nothing of confusion"),
+    ("figure DIR forest -o f.svg --strategy sx", "--strategy: says nothing of forest; is for con"),
+    ("figure DIR forest -o f.svg --episode 0", "--episode: says nothing of forest"),
+    ("figure DIR curves-time -o f.svg --metric iou", "--metric: says nothing of curves-time"),
+    ("check SPEC --metric iou", "--metric: is of what a --pilot tells apart"),
+    ("compare SPEC SPEC --metric iou", "--metric: is of a table, which needs two studies"),
+    ("compare SPEC SPEC --over these", "--over: is of a table"),
+    ("show DIR -o f.html --port 9000", "--port: is for --live"),
+    ("watch DIR --terminal --port 8080", "--port: is of the page"),
+    ("watch DIR --terminal --open", "--open: is of the page"),
+    ("validate --only puma --poses 5", "--poses: is for closing"),
+    ("report DIR -o r.html --no-views --workers 2", "--workers: is for views"),
+    ("export h.xml --units mm", "--units: is of the mesh file of an --object"),
+    ("export h.xml --object block --units mm", "--units: is of a mesh file; block is none"),
+    ("explore block --units mm -o x", "--units: is of a mesh file; block is none"),
+    ("learn block --units mm -o m.json", "--units: is of mesh files, and none is named"),
+    ("fit superquadric POINTS -o f.csv --normal-deg 3", "has no columns nx, ny, nz")])
+def test_an_option_that_says_nothing_is_refused(words: str, says: str, tmp_path: Path,
+                                                monkeypatch: pytest.MonkeyPatch,
+                                                capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.chdir(tmp_path)
+    places = {"DIR": "study", "SPEC": str(write_spec(tmp_path)), "POINTS": "points.csv"}
+    (tmp_path / "points.csv").write_text("x_m,y_m,z_m\n" + "".join(
+        f"{0.03 * (n % 3)},{0.02 * (n % 5)},{0.01 * n}\n" for n in range(12)))
+    assert cli.run([places.get(word, word) for word in words.split()]) == 2
+    assert says in capsys.readouterr().err
+    assert not [*tmp_path.glob("*.svg"), *tmp_path.glob("*.html"), *tmp_path.glob("*.xml")]
+
+
 @pytest.mark.parametrize(("command", "arguments"), [
     ("explore", " OBJECT\n"), ("table", " DIR... KIND\n"), ("figure", " DIR... KIND\n"),
     ("leaderboard", " DIR...\n"), ("rows", " DIR...\n"), ("report", " DIR...\n"),

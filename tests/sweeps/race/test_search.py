@@ -172,8 +172,8 @@ def test_entries_proposed_again_count_once_against_the_budget(
 
 
 def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = (ONE + '"strategy.count" = [5]\n'
-            '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [4] } }')
+    text = (ONE + '"strategy.count" = { low = 5, high = 6, step = 2 }\n'
+            '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [6] } }')
     assert search(write_spec(tmp_path, text), tmp_path / "out") == 2
     assert "[search]: all proposals are the same entry" in capsys.readouterr().err
 
@@ -237,6 +237,8 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ('[sweep.grid]\n"contact.friction" = [0.2, 0.5]', "search: proposes entries of one strategy"),
     ('[[strategy]]\nname = "ring6"', "search: proposes entries of one strategy"),
     ("finalists = 1", "finalists: is 1; should be a whole number from 2"),
+    ('"contact.friction" = { low = 0, high = 1, when = { "strategy.count" = [99] } }',
+     "strategy.count is never 99"),
     ('"hand.kind" = ["utah_mit", "nope"]', "no hand 'nope'"),
     ('"hand" = ["utah_mit", "nope"]', "no hand 'nope'"),
     ('"hand.kind" = ["utah_mit", "mine.toml"]', "a search proposes those that ship"),

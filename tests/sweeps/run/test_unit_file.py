@@ -1,3 +1,4 @@
+import os
 from pathlib import Path
 
 import numpy as np
@@ -64,6 +65,16 @@ def test_another_unit_under_this_name_is_refused(tmp_path: Path) -> None:
         read_unit(file, "a")
     with pytest.raises(DamagedUnit, match="does not hold 6 rows"):
         read_unit(file, "b", 6)
+
+
+def test_what_is_no_plain_file_is_damaged(tmp_path: Path) -> None:
+    """A pipe was waited for."""
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    (tmp_path / "folder").mkdir()
+    for name in ("pipe", "loop", "folder"):
+        with pytest.raises(DamagedUnit):
+            read_unit(tmp_path / name, "one", 6)
 
 
 @pytest.mark.parametrize("rows", [
