@@ -74,9 +74,9 @@ def _suggested(trial: Any, factor: Factor) -> Any:
     if factor.choices:
         return factor.choices[trial.suggest_categorical(
             factor.key, list(range(len(factor.choices))))]
+    last = factor.extremes[1]  # of the steps; the sampler warns of ends between two
     if factor.whole:
-        return trial.suggest_int(factor.key, int(factor.low), int(factor.high),
+        return trial.suggest_int(factor.key, int(factor.low), int(last),
                                  step=int(factor.step or 1))
-    value = trial.suggest_float(factor.key, float(factor.low), float(factor.high),
-                                step=factor.step)
+    value = trial.suggest_float(factor.key, float(factor.low), float(last), step=factor.step)
     return float(f"{value:.{DIGITS}g}")
