@@ -106,8 +106,8 @@ def _advice(names: tuple[str, ...], found: SuperquadricFit, robust: bool) -> str
         return ""
     wrong = "" if robust else "if touches may be wrong, try --robust; "
     return (f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms): {_named(poor)}; "
-            f"{wrong}if the body is no superquadric, a free form (fit.implicit, docs/fit.md) "
-            "follows it")
+            f"{wrong}if the body is no superquadric, a free form (fit.implicit, "
+            "docs/free_forms.md) follows it")
 
 
 def _named(found: list[str]) -> str:

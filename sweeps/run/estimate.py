@@ -42,7 +42,7 @@ UNIT_STEP_S = 0.04
 FORM_S = 0.15
 """Making and scoring a body where a free form may stand for it [est]."""
 GROWN = 1.5
-"""By which factor touches have grown when the next such body is made (docs/fit.md)."""
+"""By which factor touches have grown when the next such body is made (docs/free_forms.md)."""
 # Factors on all of these, measured with hands and arms that ship, in units of 4 episodes.
 CHAINS = {"any-object": 0.35}
 CHAINS_OTHER = 1.3
