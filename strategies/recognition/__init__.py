@@ -6,7 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "answers": ["ALIGNMENT", "NONE", "Recognition", "recognize"],
     "catalogue_alignment": ["Recognizer", "recognizer"],
     "descriptions": ["described", "different_faces"],
-    "known_models": ["KnownModels", "ModelsError", "models_from_file", "models_text"],
+    "known_models": ["KnownModels", "KnownObject", "ModelsError", "models_from_file",
+                     "models_text"],
     "lessons": ["UNLISTED", "Lesson", "add_objects", "learn_models", "lesson_of",
                 "taught"],
 })

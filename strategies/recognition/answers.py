@@ -62,8 +62,8 @@ def recognize(
     names = np.array([*models.names, NONE], object)
     left = np.ones(belief.worlds, bool)
     for one in WAYS if way == AS_FELT else (way,):
-        if way == AS_FELT and not all(known.tried[one] for known in models.objects):
-            continue  # of some object it is not known what would be found
+        if way == AS_FELT and one in models.unused:
+            continue
         if not left.any():
             break
         found = described(belief, recovered, one).part(left)

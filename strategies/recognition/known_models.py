@@ -73,6 +73,11 @@ class KnownModels:
     def __post_init__(self) -> None:
         object.__setattr__(self, "names", tuple(known.name for known in self.objects))
 
+    @property
+    def unused(self) -> tuple[str, ...]:
+        """Ways that were not tried on every object: of some it is not known what would be found."""
+        return tuple(way for way in WAYS if not all(known.tried[way] for known in self.objects))
+
 
 def models_from_file(file: str) -> KnownModels:
     """The models of a file, "" for those that ship. Raises ModelsError."""
@@ -103,6 +108,7 @@ def _models_of(text: str) -> KnownModels:
 
 
 def _object_of(name: str, entry: Mapping[str, Any]) -> KnownObject:
+    name.encode()  # rows are UTF-8; a ValueError where it has halves of characters
     tried, found = ({way: int(entry[key][way]) for way in WAYS} for key in ("tried", "found"))
     populations = {way: _population_of(way, entry[way]) for way in NUMBERS if way in entry}
     faces = None

@@ -304,9 +304,8 @@ def _touches(recovered: Recovered, evidence: Evidence, prior: BoundingCylinder) 
     reach = prior.radius_m + prior.margin_m
     low = np.stack([prior.x_m - reach, prior.y_m - reach, np.zeros(len(reach))], 1)
     high = np.stack([prior.x_m + reach, prior.y_m + reach, prior.height_m + prior.margin_m], 1)
-    seen = read_only(evidence)
     # A contact whose link is in doubt tells no normal.
-    normals = np.where(np.isfinite(seen.contradiction)[..., None], seen.normals, np.nan)
-    return Touches(seen.points_m, seen.mask, seen.covariance_m2, normals, seen.free_m,
-                   seen.free_radius_m, seen.free_mask, low, high,
-                   DistanceToRecovered(recovered))
+    normals = np.where(np.isfinite(evidence.contradiction)[..., None], evidence.normals, np.nan)
+    return read_only(Touches(
+        evidence.points_m, evidence.mask, evidence.covariance_m2, normals, evidence.free_m,
+        evidence.free_radius_m, evidence.free_mask, low, high, DistanceToRecovered(recovered)))

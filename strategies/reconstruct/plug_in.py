@@ -8,7 +8,7 @@ answer. Instead of meshes it may return a function of (points_m [row, point, 3],
 gives signed distances [m] (row, point), whose zero set becomes the mesh.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,8 @@ import numpy as np
 from fit.implicit.record import Mean, TriangleMesh
 from strategies.planners.guarded_call import guarded_call
 from strategies.planners.register import fault_text, place_of
+from strategies.recovery.belief import read_only
+from warpgrasp.core.plain_text import on_one_line
 
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
@@ -108,9 +110,12 @@ def _answered(function: Callable[..., Any], touches: Touches
         if given is None:
             continue
         try:
-            meshes[world] = checked_mesh(given, touches.low_m[world], touches.high_m[world])
+            with guarded_call():  # what it gave may run code of its own when it is read
+                meshes[world] = checked_mesh(given, touches.low_m[world], touches.high_m[world])
         except (ValueError, TypeError) as error:
-            fault[world] = f"{place_of(function)}: world {world}: {error}"
+            fault[world] = on_one_line(f"{place_of(function)}: world {world}: {error!s:.400}")
+        except Exception as error:
+            fault[world] = fault_text(function, error)
     return meshes, fault, cut
 
 
@@ -122,7 +127,7 @@ def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray
     rim = 1e-6 * (high - low)
 
     def values(points: np.ndarray, worlds: np.ndarray, counts: np.ndarray) -> np.ndarray:
-        found = np.asarray(distance(points, worlds), float)
+        found = _numbers(distance(read_only(points), read_only(worlds)), "distances")
         if found.shape != points.shape[:2]:
             raise ValueError(f"distances of shape {found.shape}, should be {points.shape[:2]}")
         if not np.isfinite(found).all():
@@ -140,8 +145,8 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
 
     Raises ValueError or TypeError that says what is wrong.
     """
-    vertices, faces = (given.vertices, given.faces) if hasattr(given, "vertices") else given
-    vertices, faces = np.asarray(vertices, float), np.asarray(faces)
+    vertices, faces = _pair(given)
+    vertices, faces = _numbers(vertices, "vertices"), np.asarray(faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ValueError(f"vertices of shape {vertices.shape}, should be (any, 3)")
     if faces.ndim != 2 or faces.shape[1] != 3 or faces.dtype.kind not in "iu":
@@ -150,7 +155,9 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
     if not 4 <= len(faces) <= MOST_FACES:
         raise ValueError(f"{len(faces)} faces, should be 4 to {MOST_FACES}")
     if faces.min() < 0 or faces.max() >= len(vertices):
-        raise ValueError(f"faces name vertex {faces.max()} of {len(vertices)}")
+        wrong = faces.min() if faces.min() < 0 else faces.max()
+        raise ValueError(f"faces name vertex {wrong} of {len(vertices)}; should be 0 to "
+                         f"{len(vertices) - 1}")
     if not np.isfinite(vertices).all():
         raise ValueError("a vertex is not finite")
     if (vertices < low_m - FARTHEST_M).any() or (vertices > high_m + FARTHEST_M).any():
@@ -164,3 +171,23 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
     if mesh.volume_m3 <= 0.0:
         raise ValueError("the volume is not positive: should its faces look outwards?")
     return mesh
+
+
+def _pair(given: Any) -> tuple[Any, Any]:
+    """Vertices and faces of what stands for a mesh."""
+    if hasattr(given, "vertices"):
+        return given.vertices, given.faces
+    listed = isinstance(given, Iterable) and not isinstance(given, str | Mapping)
+    parts = list(given) if listed else []
+    if len(parts) != 2:
+        what = f"{type(given).__name__}{f' of {len(parts)}' if listed else ''}"
+        raise ValueError(f"is {what}; should be a pair of vertices and faces, or have both as its "
+                         "`vertices` and `faces`")
+    return parts[0], parts[1]
+
+
+def _numbers(values: Any, what: str) -> np.ndarray:
+    """Real numbers of a user's, as an array of our own."""
+    if np.iscomplexobj(values):
+        raise ValueError(f"{what} are complex, should be real numbers")
+    return np.array(values, float)

@@ -41,8 +41,8 @@ def read_rows(*folders: str | Path) -> pa.Table:
 
     Beside the columns of the units, `setting` numbers the point of the swept axes, and each swept
     key is a column of its own, as text. `folders` hold one study, or its shards. Raises StoreError
-    for a directory that cannot be read or the race of a search, OtherStudy where they are not of
-    one study.
+    for a directory that cannot be read or the race of a search, or where no unit is finished,
+    OtherStudy where they are not of one study.
     """
     plan, stores = open_study([Path(folder) for folder in folders])
     parts: list[pa.Table] = []
@@ -55,7 +55,9 @@ def read_rows(*folders: str | Path) -> pa.Table:
                 for key, value in unit.cell.setting.items()}
             parts.append(pa.table({name: values.tolist() if values.dtype == object else values
                                    for name, values in rows.items()}))
-    return pa.concat_tables(parts, promote_options="default") if parts else pa.table({})
+    if not parts:
+        raise StoreError(_nothing(Path(folders[0]), 0, "episodes"))
+    return pa.concat_tables(parts, promote_options="default")
 
 
 def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list[str]]:
@@ -249,7 +251,8 @@ def _without_formulas(table: pa.Table) -> pa.Table:
 
 def _nothing(folder: Path, finished: int, what: str) -> str:
     if not finished:
-        return f"{folder}: no unit is finished yet; `warpgrasp status` says how far it is"
+        return (f"{folder}: no unit is finished yet; `warpgrasp status` says how far it is, and "
+                "how many failed")
     if what == "contacts":
         return (f"{folder}: keeps no contacts; write keep = \"contacts\" at the top of its spec "
                 "and run the sweep again")

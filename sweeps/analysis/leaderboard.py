@@ -47,7 +47,7 @@ from sweeps.analysis.paired import (
     lost_notes,
     read_objects,
 )
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, same_bodies
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.text_table import TextTable, number_text
@@ -332,6 +332,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     most = max(ranking.distinct for ranking in rankings.values())
     lost = [name for ranking in rankings.values() for name in ranking.lost]
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
+             *_few([*same_bodies(plan.study)]),
              *_few([*lost_notes(lost, metric)]),
              *_few(faults.failed_units()),
              *_few(faults.notes())]

@@ -249,6 +249,9 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
     from sweeps.episode.teaching import TEACHERS
 
     chosen = [_strategy_of_argument(name) for name in strategy or TEACHERS]
+    if unlisted and not any(one.call or {"contour", "decide"} & set(one.order) for one in chosen):
+        raise UsageError("--unlisted: learns everything anew, also what contours tell; name a "
+                         "strategy that follows them, too, as in --strategy contour")
     return learn_command.learn(what, out, units=units, strategies=chosen, episodes=episodes,
                                seed=seed, unlisted=unlisted, extend=extend, only=only,
                                device=device_of(device))

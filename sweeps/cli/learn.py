@@ -1,7 +1,7 @@
 """The command `learn`: known models from episodes with objects that a teacher names."""
 
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +13,7 @@ from sweeps.text_table import print_table
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 
 if TYPE_CHECKING:
-    from strategies.recognition.known_models import KnownModels
+    from strategies.recognition.known_models import KnownModels, KnownObject
     from strategies.recognition.lessons import Lesson
     from strategies.strategy import Strategy
 
@@ -28,8 +28,8 @@ def learn(
     """Feel each object and write what was recovered; prints a row an object.
 
     With `unlisted` objects everything is learned anew, else the objects are added to the models of
-    `extend`, by default those that ship. An object of which no body was recovered is left out, and
-    the exit code says so.
+    `extend`, by default those that ship. One body under two names is refused. An object of which no
+    body was recovered is left out, and the exit code says so.
     """
     if reason := why_unwritable(out):
         raise StoreError(reason)
@@ -46,7 +46,7 @@ def learn(
             known = None
         models, left_out = _learned(
             objects, strategies, episodes, seed, unlisted, known, only, device,
-            _command(what, strategies, episodes, seed, unlisted, extend, only))
+            _command(what, units, strategies, episodes, seed, unlisted, extend, only))
         try:
             write_atomic(out, models_text(models).encode())
         except OSError as error:
@@ -56,6 +56,9 @@ def learn(
                   *(f"{one.found[way]} of {one.tried[way]}" for way in
                     ("faces", "profile", "parameters")))
                  for one in (*models.objects, models.unlisted)], False)
+    for way in models.unused:
+        without = next(one.name for one in models.objects if not one.tried[way])
+        note(f"{way}: is not used to recognize with this file, for it was not tried on {without}")
     return SOME_FAILED if left_out else DONE
 
 
@@ -83,11 +86,13 @@ def _learned(
     from strategies.recognition.lessons import add_objects, learn_models, taught
     from sweeps.episode.teaching import contents_of, teach, unlisted_table
 
+    every = contents_of(objects)
+    _compare(every, () if only or unlisted or known is None else known.objects)
     lessons: list[Lesson] = []
     for strategy, lesson in teach(objects, strategies, episodes, seed, device):
         lessons.append(lesson)
         note(f"{strategy.name}: {len(lesson.names)} episodes")
-    contents = taught(lessons, contents_of(objects))
+    contents = taught(lessons, every)
     left_out = set(objects) - set(contents)
     for name in sorted(left_out):
         note(f"{name}: no body was recovered in any episode; it is left out")
@@ -107,11 +112,25 @@ def _learned(
         raise StoreError(str(error)) from None
 
 
-def _command(what: Sequence[str], strategies: Sequence["Strategy"], episodes: int, seed: int,
-             unlisted: int, extend: Path | None, only: bool) -> str:
+def _compare(contents: Mapping[str, str], known: Sequence["KnownObject"]) -> None:
+    """Compares the objects to learn, name to hash of geometry, with each other and with models that
+    stay. Raises StoreError for one body under two names; notes a name that gets another body."""
+    names: dict[str, str] = {one.content: one.name for one in known if one.name not in contents}
+    for name, content in contents.items():
+        if (other := names.setdefault(content, name)) != name:
+            raise StoreError(f"{name}: is the same body as {other}, which no touch can tell apart; "
+                             "learn it under one name")
+    for one in known:
+        if contents.get(one.name, one.content) != one.content:
+            note(f"{one.name}: takes the place of the model of another body")
+
+
+def _command(what: Sequence[str], units: str | None, strategies: Sequence["Strategy"],
+             episodes: int, seed: int, unlisted: int, extend: Path | None, only: bool) -> str:
     """The command that makes the same models again, without folders."""
     names = [Path(one).name for one in what]
-    words = ["warpgrasp", "learn", *names, "--episodes", str(episodes), "--seed", str(seed)]
+    words = ["warpgrasp", "learn", *names, *(["--units", units] if units else []),
+             "--episodes", str(episodes), "--seed", str(seed)]
     for strategy in strategies:
         words += ["--strategy", Path(strategy.name).name]
     words += ["--unlisted", str(unlisted)] if unlisted else []

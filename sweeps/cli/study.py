@@ -67,7 +67,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     """
     from sweeps.run.estimate import estimate_cost
     from sweeps.run.false_contacts import false_contact_warnings
-    from sweeps.run.plan import plan_study
+    from sweeps.run.plan import plan_study, same_bodies
     from sweeps.spec.reader import read_spec
     from warpgrasp.core.plain_text import on_one_line
 
@@ -82,7 +82,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
         "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
         "units": f"{plan.unit_count}", **dict(estimate_cost(plan)),
     }
-    if warnings := [*false_contact_warnings(study)]:
+    if warnings := [*false_contact_warnings(study), *same_bodies(study)]:
         rows["warning"] = "; ".join(warnings)
     if pilot is not None:
         from sweeps.race.power import power_row

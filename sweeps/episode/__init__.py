@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "episodes": ["EpisodeBlock", "REBUILD_FAILED", "cell_body", "episode_notes", "place_objects",
         "run_block", "run_episodes"],
     "given_prior": ["SEEN", "draw_prior", "normalized_chamfer", "seen_prior"],
-    "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_answers"],
+    "recognition_columns": ["columns_of_recognition", "recognize_objects", "right_ones"],
     "mesh_scores": ["score_meshes"],
     "scores": ["FINE", "SAMPLES", "Samples", "Scorer", "Scores", "score_recovered",
                "score_superquadrics"],

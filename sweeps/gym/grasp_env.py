@@ -66,7 +66,7 @@ class GraspVectorEnv(VectorEnv):
         episode's budget. Raises ValueError for what cannot be used.
         """
         for name, count in (("num_envs", num_envs), ("probes", probes)):
-            if not isinstance(count, int | np.integer) or count < 1:
+            if not _is_whole(count) or count < 1:
                 raise ValueError(f"{name}: is {count!r}; should be a whole number from 1 on")
         self._made_with = read_settings(objects, settings)
         known = closing_names(self._made_with.cell.hand)
@@ -95,9 +95,14 @@ class GraspVectorEnv(VectorEnv):
               options: dict[str, Any] | None = None) -> tuple[np.ndarray, dict[str, Any]]:
         """New objects, poses and noise, drawn from `seed` where it is given.
 
-        With a seed for each world, a world is what it would be alone. Raises ValueError where they
-        are not as many as the worlds.
+        With a seed for each world, a world is what it would be alone; one seed is that of the first
+        world. There are no `options`: all worlds begin together, so that also `reset_mask` is
+        refused. Raises ValueError for these, for seeds that are no whole numbers from 0 on, and
+        where they are not as many as the worlds.
         """
+        if options:
+            raise ValueError(f"options: has {', '.join(map(str, options))}; should be left out: "
+                             "there are none, and all worlds begin together")
         key = self._drawn_keys(seed)
         cell, bodies = self._made_with.cell, self._made_with.bodies
         draw = counter_uniform(counter_key(key, int(Purpose.OBJECT)))
@@ -144,9 +149,9 @@ class GraspVectorEnv(VectorEnv):
             if len(seed) != self.num_envs:
                 raise ValueError(f"seed: {len(seed)} seeds; should be one number, or one for each "
                                  f"of {self.num_envs} worlds")
-            self._each = [np_random(None if one is None else int(one))[0] for one in seed]
+            self._each = [np_random(_checked_seed(one))[0] for one in seed]
         elif seed is not None:
-            super().reset(seed=seed)
+            super().reset(seed=_checked_seed(seed))
             self._each = []
         generators = self._each or [self.np_random]
         worlds = np.arange(self.num_envs // len(generators))
@@ -186,6 +191,8 @@ class GraspVectorEnv(VectorEnv):
         """A picture of every world, uint8 (row, column, 3) each; None without a render mode."""
         if self.render_mode is None:
             return None
+        if not self._begun:
+            raise ResetNeeded("render: the episode has not begun; call reset first")
         from sweeps.gym.pictures import picture
 
         return tuple(picture(self._run.belief, self._run.recovered,
@@ -220,9 +227,10 @@ class GraspEnv(gymnasium.Env):
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[
             np.ndarray, dict[str, Any]]:
-        """As of `GraspVectorEnv`, of its one world."""
-        super().reset(seed=seed)
-        observation, info = self._many.reset(seed=int(self.np_random.integers(2**62)))
+        """As of `GraspVectorEnv`, of its one world: with a seed the first of any number of worlds
+        that have this seed."""
+        super().reset(seed=_checked_seed(seed))
+        observation, info = self._many.reset(seed=seed, options=options)
         return observation[0], _alone(info)
 
     def step(self, action: np.ndarray) -> tuple[np.ndarray, float, bool, bool, dict[str, Any]]:
@@ -234,6 +242,16 @@ class GraspEnv(gymnasium.Env):
         """The picture of its one world, or None."""
         drawn = self._many.render()
         return None if drawn is None else drawn[0]
+
+
+def _is_whole(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _checked_seed(seed: Any) -> int | None:
+    if seed is not None and (not _is_whole(seed) or seed < 0):
+        raise ValueError(f"seed: is {seed!r}; should be a whole number from 0 on")
+    return None if seed is None else int(seed)
 
 
 def _alone(info: dict[str, Any]) -> dict[str, Any]:

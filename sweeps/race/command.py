@@ -16,7 +16,7 @@ from sweeps.race.search import SearchCourse, search_lines, search_table
 from sweeps.race.shards import SharedRungs
 from sweeps.race.verdict import Verdict, amount, claim, race_table, summary, verdict_of
 from sweeps.run.local_engine import Options, terminated_as_interrupted
-from sweeps.run.plan import Plan, plan_study
+from sweeps.run.plan import Plan, plan_study, same_bodies
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
@@ -42,7 +42,8 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     until = began + 60.0 * minutes if minutes is not None else float("inf")
     course = _course(spec, plan, store, rules, episodes, metric, over, until)
     with terminated_as_interrupted(), store.lock(options.shard):
-        for line in store.open_for(plan, spec_text(spec, settings), options.device):
+        for line in (*store.open_for(plan, spec_text(spec, settings), options.device),
+                     *same_bodies(plan.study)):
             note(line)
         begin_race_note(plan, store, metric, over)
         try:

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run",
                      "terminated_as_interrupted"],
     "plan": ["BLOCK", "LEAST_RUNS", "Plan", "Unit", "by_key", "canonical_body", "cell_hash",
-             "differences", "digest", "part_of", "plan_study", "unit_id"],
+             "differences", "digest", "part_of", "plan_study", "same_bodies", "unit_id"],
     "progress": ["Progress", "read_note"],
     "race_record": ["RACE_NOTE", "object_order", "open_sweep", "race_blocks", "race_of",
                     "read_race_note", "refuse_races", "swept_before", "taken_blocks"],

@@ -165,17 +165,32 @@ def canonical_strategy(strategy: Strategy) -> dict[str, Any]:
 _PLAIN = ("call", "refit_every", "touches", "robot_time_s", "volume_ratio", "noise_stream")
 
 
+def same_bodies(study: Study) -> Iterator[str]:
+    """What to say of objects that are one body under several names, by their tables and the content
+    of their files."""
+    first: dict[str, str] = {}
+    for body in study.objects:
+        table = {key: value for key, value in body.table.items() if key != "name"}
+        shape = digest([_without_folders("", table or {"object": body.name}, ""), body.sha256])
+        if (other := first.setdefault(shape, body.name)) != body.name:
+            yield (f"{other} and {body.name} are the same body, so that their episodes are the "
+                   "same; intervals take them for two objects")
+
+
 def canonical_body(body: Body) -> dict[str, Any]:
     """An object as plain data; files by their content, not their place."""
     return {"table": _without_folders("", body.table), "sha256": body.sha256}
 
 
-def _without_folders(key: str, value: Any) -> Any:
+def _without_folders(key: str, value: Any, file: str | None = None) -> Any:
+    """A table whose files have their names alone, or all the name `file`."""
     if isinstance(value, Mapping):
-        return {name: _without_folders(name, entry) for name, entry in value.items()}
+        return {name: _without_folders(name, entry, file) for name, entry in value.items()}
     if isinstance(value, list | tuple):
-        return [_without_folders("", entry) for entry in value]
-    return Path(value).name if key in FILE_KEYS and isinstance(value, str) else value
+        return [_without_folders("", entry, file) for entry in value]
+    if key not in FILE_KEYS or not isinstance(value, str):
+        return value
+    return Path(value).name if file is None else file
 
 
 def canonical_table(table: Any) -> dict[str, Any]:

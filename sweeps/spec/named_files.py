@@ -57,7 +57,7 @@ def named_file(value: Any, base_dir: Path, limit: int) -> Path:
             raise FileNotFoundError(file)
         size = file.stat().st_size
     except (OSError, ValueError, RuntimeError):
-        raise NoFile(f"{short(value)} is not a file; relative to the spec that is "
+        raise NoFile(f"{short(value)} is not a file; looked for as "
                      f"{short(str(base_dir / value), 200)}") from None
     if size == 0:
         raise NoFile(f"{short(value)} is empty")

@@ -10,6 +10,7 @@ from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.named_files import CSV_LIMIT, MESH_LIMIT, NoFile, named_file
 from sweeps.spec.object_sets import expanded, member_table, pose_name
 from sweeps.spec.study import FILE_KEYS, Body
+from warpgrasp.core.plain_text import on_one_line
 from warpgrasp.objects.catalogue_names import (
     BODY_NAMES,
     NAME_LIMIT,
@@ -107,7 +108,8 @@ def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
                           "a mesh file with --units m|cm|mm")
     if units is None:
         raise ObjectError(f"{what}: a mesh needs its units: --units m, --units cm or --units mm")
-    table = {"mesh": str(file.resolve()), "units": units, "name": file.stem[:NAME_LIMIT]}
+    name = on_one_line(file.stem)[:NAME_LIMIT]  # rows are UTF-8, and names of files need not be
+    table = {"mesh": str(file.resolve()), "units": units, "name": name}
     _build(table, Path())
     return table
 

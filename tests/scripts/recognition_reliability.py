@@ -21,7 +21,7 @@ import numpy as np
 from strategies.ready_made import STRATEGIES
 from strategies.recognition.answers import ALIGNMENT, Recognition
 from sweeps.episode.episodes import cell_body, run_parts
-from sweeps.episode.recognition_columns import recognize_objects, right_answers
+from sweeps.episode.recognition_columns import recognize_objects, right_ones
 from sweeps.episode.teaching import TEACHERS, unlisted_table
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.catalogue_names import BODY_NAMES
@@ -53,7 +53,8 @@ def answers_of(objects: Mapping[str, tuple[str, Mapping[str, Any]]], strategy: s
     block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, "cpu")
     found = {table.way: recognize_objects(block.exploration.belief, block.recovered, table, "cpu")
              for table in TABLES}
-    right = {table.way: found[table.way].name == np.repeat(right_answers(bodies, table), episodes)
+    counts = [episodes] * len(bodies)
+    right = {table.way: right_ones(found[table.way].name, bodies, table, counts)
              for table in TABLES}
     return Answers(strategy, np.repeat(kinds, episodes), found, right)
 

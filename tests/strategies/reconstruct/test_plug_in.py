@@ -59,6 +59,59 @@ def half(touches):
     ball = trimesh.creation.icosphere(2, 0.03)
     return [(ball.vertices, ball.faces), (ball.vertices, ball.faces[:-1])]
 
+def writes_box(touches):
+    touches.low_m[:] -= 0.05
+    return balls(touches)
+
+def writes_normals(touches):
+    touches.normals[:] = 0.0
+    return balls(touches)
+
+def writes_asked(touches):
+    def distance(points, worlds):
+        points -= 0.01
+        return balls(touches)(points, worlds)
+    return distance
+
+def writes_worlds(touches):
+    def distance(points, worlds):
+        found = balls(touches)(points, worlds)
+        worlds[:] = 0
+        return found
+    return distance
+
+class Late:
+    faces = np.zeros((4, 3), int)
+
+    @property
+    def vertices(self):
+        raise RuntimeError("the network is not there")
+
+def late(touches):
+    return [None, Late()]
+
+def late_pair(touches):
+    def pair():
+        raise KeyError("no mesh")
+        yield
+    return [None, pair()]
+
+def points_alone(touches):
+    return [None, trimesh.PointCloud(np.zeros((9, 3)))]
+
+def three(touches):
+    ball = trimesh.creation.icosphere(2, 0.03)
+    return [None, (ball.vertices, ball.faces, ball.face_normals)]
+
+def file(touches):
+    return [None, "ball.stl"]
+
+def by_world(touches):
+    return {0: None, 1: trimesh.creation.icosphere(2, 0.03)}
+
+def not_real(touches):
+    return lambda points, worlds: balls(touches)(points, worlds) + 0j
+
 def not_finite(touches):
     return lambda points, worlds: np.full(points.shape[:2], np.nan)
 '''
@@ -111,6 +164,8 @@ def test_a_world_without_an_answer_keeps_what_was_recovered(asked) -> None:
 
 @pytest.mark.parametrize(("name", "said"), [
     ("too_few", "0 meshes for 2 worlds"), ("writes", "read-only"), ("leaves", "SystemExit"),
+    ("writes_box", "read-only"), ("writes_normals", "read-only"), ("writes_asked", "read-only"),
+    ("writes_worlds", "read-only"), ("not_real", "distances are complex"),
     ("forgets", "mine.py:24: forgets: answered with None; should be a list of a mesh or None"),
     ("not_finite", "not finite"), ("missing", "has no function 'missing'"),
 ])
@@ -149,11 +204,24 @@ def test_a_fault_of_one_mesh_is_its_world_s_alone(asked) -> None:
     assert "open" in found.fault[1]
 
 
+@pytest.mark.parametrize(("name", "said"), [
+    ("late", "vertices: RuntimeError: the network is not there"),
+    ("late_pair", "pair: KeyError: 'no mesh'"), ("points_alone", "AttributeError"),
+    ("three", "world 1: is tuple of 3; should be a pair of vertices and faces, or"),
+    ("file", "world 1: is str; should be a pair"), ("by_world", "world 1: is int; should be"),
+])
+def test_what_cannot_be_read_is_a_fault_of_its_world(asked, name: str, said: str) -> None:
+    found = asked(name)
+    assert not found.made.any()
+    assert said in found.fault[1]
+
+
 @pytest.mark.parametrize(("change", "said"), [
     (lambda v, f: (v[:, :2], f), "vertices of shape"), (lambda v, f: (v, f[:2]), "2 faces"),
     (lambda v, f: (v, f + len(v)), "faces name vertex"), (lambda v, f: (v, f[:, ::-1]), "outwards"),
     (lambda v, f: (v * np.nan, f), "not finite"), (lambda v, f: (v * 1e3, f), "in m"),
-    (lambda v, f: (v, f.astype(float)), "whole numbers"),
+    (lambda v, f: (v, f.astype(float)), "whole numbers"), (lambda v, f: (v + 0j, f), "complex"),
+    (lambda v, f: (v, np.where(f == 7, -1, f)), "faces name vertex -1 of 42; should be 0 to 41"),
     (lambda v, f: (v, np.concatenate([f[:1, ::-1], f[1:]])), "open, or"),
 ])
 def test_meshes_are_checked(change, said: str) -> None:

@@ -20,6 +20,7 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.spec.cell import CONTACTS, Cell
+from sweeps.spec.errors import StoreError
 
 KEY = "sensors.tendon_threshold_N"
 DRAWN = "object.yaw_deg"
@@ -46,6 +47,12 @@ def rows_of(*words: object) -> Path:
 def read_csv(file: Path) -> list[dict[str, str]]:
     with file.open(newline="") as stream:
         return list(csv.DictReader(stream))
+
+
+def test_a_study_without_a_finished_unit_has_no_table(tmp_path: Path) -> None:
+    Store(tmp_path / "out").open_for(plan_of(tmp_path, SMALL), None, "cpu")
+    with pytest.raises(StoreError, match="out: no unit is finished yet"):
+        read_rows(tmp_path / "out")
 
 
 def test_every_episode_is_a_row_with_the_swept_keys_as_numbers(

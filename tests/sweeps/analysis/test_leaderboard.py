@@ -239,6 +239,13 @@ def test_notes_say_of_how_many_episodes_they_are() -> None:
                               "episodes have a note; the first: 4 of 5 stops"]
 
 
+def test_one_body_under_two_names_is_told(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path, SMALL.replace('"wedge"', '{ object = "block", name = "again" }'))
+    note = ("block and again are the same body, so that their episodes are the same; intervals "
+            "take them for two objects")
+    assert note in make_leaderboard(plan, [fill(tmp_path, plan)]).notes
+
+
 def test_entries_that_did_the_same_are_told(tmp_path: Path) -> None:
     """As where hands are compared, and a swept threshold is one of another hand."""
     @fake_episodes.cell_by_cell

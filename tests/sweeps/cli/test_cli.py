@@ -281,6 +281,9 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert "warning" not in found
     assert cli.run(["check", str(spec), "--set", "hand.co_contraction_N=200"]) == 0
     assert "warning" in capsys.readouterr().out
+    spec.write_text(SMALL.replace('"wedge"', '{ object = "block", name = "again" }'))
+    assert cli.run(["check", str(spec)]) == 0
+    assert "block and again are the same body" in capsys.readouterr().out
 
 
 def test_the_version_is_the_packages(capsys: pytest.CaptureFixture[str]) -> None:

@@ -11,12 +11,13 @@ from places import HELPERS
 from fit.revolution.geometry import RevolutionBody, revolution_volume
 from strategies.ready_made import STRATEGIES
 from strategies.recognition.answers import ALIGNMENT, NONE
+from strategies.recognition.known_models import models_from_file, models_text
 from strategies.strategy import Strategy
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.episode.contact_rows import COLUMNS
 from sweeps.episode.episodes import run_block, run_cells, run_episodes
-from sweeps.episode.recognition_columns import right_answers
+from sweeps.episode.recognition_columns import right_answers, right_ones
 from sweeps.report.episode_files import explore
 from sweeps.run.plan import plan_study
 from sweeps.run.store import Store
@@ -139,7 +140,21 @@ def test_none_of_these_is_right_of_an_object_whatever_its_name() -> None:
     assert np.array_equal(values_of(rows, "recognized"), rows["recognized_as"] == NONE)
     mine = replace(body_from_name("wine_bottle"), name="mine")
     for way in ("as_felt", ALIGNMENT):
-        assert right_answers([mine], RecognitionTable(way=way)) == ["wine_bottle"]
+        assert right_answers([mine], RecognitionTable(way=way)) == [{"wine_bottle"}]
+
+
+def test_every_model_of_the_same_body_is_right(tmp_path: Path) -> None:
+    """Whichever of several names the file has last."""
+    known = models_from_file("")
+    block = next(one for one in known.objects if one.name == "block")
+    twice = replace(known, objects=(replace(block, name="one"), *known.objects[:2],
+                                    replace(block, name="other")))
+    (tmp_path / "twice.json").write_text(models_text(twice))
+    answers = np.array(["one", "other", NONE, "", "one", NONE], object)
+    bodies = [body_from_name("block"), body_from_name("wine_bottle")]
+    table = RecognitionTable(models=str(tmp_path / "twice.json"))
+    assert right_ones(answers, bodies, table, [4, 2]).tolist() == [
+        True, True, False, False, False, True]
 
 
 @pytest.mark.slow

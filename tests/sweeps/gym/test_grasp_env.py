@@ -30,7 +30,7 @@ from gymnasium.utils.env_checker import check_env  # noqa: E402
 from gymnasium.vector.utils import batch_space  # noqa: E402
 from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
 
-from sweeps.gym import GraspVectorEnv  # noqa: E402
+from sweeps.gym import GraspEnv, GraspVectorEnv  # noqa: E402
 from sweeps.gym.actions import probes_of  # noqa: E402
 
 Rows = dict[str, np.ndarray]
@@ -234,6 +234,8 @@ def test_pictures_are_of_every_world() -> None:
 
 @pytest.mark.parametrize(("settings", "says"), [
     ({"probes": 0}, "probes: is 0; should be"), ({"probes": -1}, "probes: is -1"),
+    ({"num_envs": True}, "num_envs: is True"),
+    ({"settings": {"recognition": {"models": "no.json"}}}, "'no.json' is not a file; looked for"),
     ({"num_envs": 0}, "num_envs: is 0"), ({"closings": ()}, "should be some of"),
     ({"closings": ("curl",)}, "should be some of.*curl40"),
     ({"procedures": ("poke",)}, "procedures: .* should be some of containment, planar, contour"),
@@ -263,6 +265,43 @@ def test_actions_and_seeds_that_cannot_be_used_are_refused() -> None:
     for actions in (np.zeros((2, 3)), np.zeros((1, 4)), np.zeros(4), np.full((2, 4), np.nan)):
         with pytest.raises(ValueError, match=r"actions: .* should be .* \(2, 4\)"):
             worlds.step(actions)
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    ({"seed": 1.5}, "seed: is 1.5; should be a whole number from 0 on"),
+    ({"seed": True}, "seed: is True"), ({"seed": [1, 2.0]}, "seed: is 2.0"),
+    ({"seed": [False, 2]}, "seed: is False"), ({"seed": ["1", 2]}, "seed: is '1'"),
+    ({"seed": -1}, "seed: is -1"), ({"seed": [1, -1]}, "seed: is -1"),
+    ({"options": {"reset_mask": np.array([True, False])}}, "options: has reset_mask; should be"),
+    ({"options": {"nonsense": 1}}, "options: has nonsense"),
+])
+def test_what_reset_cannot_do_is_refused(words: dict[str, Any], says: str) -> None:
+    worlds = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    first, _ = worlds.reset(seed=3, options={})
+    with pytest.raises(ValueError, match=says):
+        worlds.reset(**words)
+    assert (worlds.reset(seed=np.int64(3))[0] == first).all()
+
+
+def test_a_single_world_is_the_first_of_many_with_its_seed() -> None:
+    alone = GraspEnv(probes=1, closings=("curl40",))
+    many = GraspVectorEnv(2, probes=1, closings=("curl40",))
+    for seed in (7, np.int64(8), [9, 1], None):  # without a seed both go on alike
+        one = seed[0] if isinstance(seed, list) else seed
+        if seed is None:
+            alone.reset(seed=5)
+            many.reset(seed=5)
+        assert (alone.reset(seed=one)[0] == many.reset(seed=seed)[0][0]).all()
+    with pytest.raises(ValueError, match=r"seed: is 1\.5"):
+        alone.reset(seed=1.5)  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="options: has nonsense"):
+        alone.reset(options={"nonsense": 1})
+
+
+def test_no_picture_before_the_first_reset() -> None:
+    for worlds in (GraspVectorEnv(1, render_mode="rgb_array"), GraspEnv(render_mode="rgb_array")):
+        with pytest.raises(ResetNeeded, match=r"render: .* call reset first"):
+            worlds.render()
 
 
 @pytest.mark.slow

@@ -11,6 +11,7 @@ from sweeps.run.plan import (
     differences,
     extends,
     plan_study,
+    same_bodies,
     study_of,
 )
 from sweeps.spec.reader import read_spec
@@ -150,3 +151,18 @@ def test_a_setting_that_changes_nothing_names_the_same_cell(tmp_path: Path) -> N
     plain = plan_of(tmp_path, SMALL).study
     body = study.objects[0]
     assert cell_hash(study.cell(0, 0, 1), body) == cell_hash(plain.cell(0, 0, 0), body)
+
+
+def test_one_body_under_two_names_is_told(tmp_path: Path) -> None:
+    for name, size in (("a", 40.0), ("copy", 40.0), ("b", 50.0)):
+        trimesh.creation.box((size, 40.0, 60.0)).export(tmp_path / f"{name}.stl")
+    meshes = ", ".join(f'{{ mesh = "{file}.stl", units = "{units}", name = "{name}" }}'
+                       for file, units, name in (
+                           ("a", "mm", "one"), ("copy", "mm", "two"), ("b", "mm", "other"),
+                           ("a", "mm", "three")))
+    plan = plan_of(tmp_path, SMALL.replace(
+        '"wedge"', f'"wedge", {{ object = "block", name = "again" }}, {meshes}'))
+    told = [line.partition(" are the same body")[0] for line in same_bodies(plan.study)]
+    assert told == ["block and again", "one and two", "one and three"]
+    assert list(same_bodies(study_of(plan.resolved))) == list(same_bodies(plan.study))
+    assert not list(same_bodies(plan_of(tmp_path / "small").study))
