@@ -11,6 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                    "Follow", "HandError", "HandJoint", "HandModel", "PadPlace", "Place", "Posture",
                    "STILL", "Shape", "UNITS_OF_FILES", "vector_of"],
     "hand_writer": ["hand_text"],
+    "capsule_fit": ["skin_notes"],
     "frames_batch": ["link_frames_batch"],
     "strict_toml": ["read_strict"],
     "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
