@@ -18,7 +18,16 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_frames import matrix_of
-from warpgrasp.hands.hand_model import Box, Capsule, Finger, HandModel, Shape
+from warpgrasp.hands.hand_model import (
+    STILL,
+    Box,
+    Capsule,
+    Finger,
+    HandModel,
+    Shape,
+    Vector,
+    vector_of,
+)
 
 SIDE_BY_SIDE = 3
 """Capsules in a link at most; a link of at most as many capsules keeps them."""
@@ -43,8 +52,8 @@ class Bulk:
     """What a link weighs by: the volume [m3] of the hull of its shapes, and its centre [m]."""
 
     volume_m3: float
-    centre_m: np.ndarray
-    """In the joint's frame, (3,)."""
+    centre_m: Vector
+    """In the joint's frame."""
 
 
 def touch_model(model: HandModel) -> HandModel:
@@ -75,18 +84,19 @@ def _finger(finger: Finger) -> Finger:
 def bulk_of(shapes: tuple[Shape, ...]) -> Bulk:
     """Volume and centre of the convex hull of shapes; of a single capsule exactly, of none none."""
     if not shapes:
-        return Bulk(0.0, np.zeros(3))
+        return Bulk(0.0, STILL[:3])
     if len(shapes) == 1 and isinstance(shapes[0], Capsule):
         c = shapes[0]
         start, end = np.array(c.start), np.array(c.end)
         length = float(np.linalg.norm(end - start))
-        return Bulk(np.pi * c.radius**2 * (length + 4 / 3 * c.radius), (start + end) / 2)
+        return Bulk(np.pi * c.radius**2 * (length + 4 / 3 * c.radius),
+                    vector_of((start + end) / 2))
     hull = ConvexHull(np.concatenate([_points(shape) for shape in shapes]))
     inside = hull.points[hull.vertices].mean(0)
     corners = hull.points[hull.simplices] - inside
     volumes = np.abs(np.linalg.det(corners)) / 6
     centre = inside + (volumes[:, None] * corners.mean(1) * 3 / 4).sum(0) / volumes.sum()
-    return Bulk(float(volumes.sum()), centre)
+    return Bulk(float(volumes.sum()), vector_of(centre))
 
 
 def _skin(shapes: tuple[Shape, ...], most: int) -> tuple[Capsule, ...]:
