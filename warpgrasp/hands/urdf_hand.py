@@ -76,12 +76,11 @@ def hand_from_urdf(
     frame = _grasp_frame(tree, root, chains)
     try:
         check_hand(model)
-        guessed = check_hand(with_guesses(model))
+        guessed = with_guesses(model)
+        guessed = check_hand(guessed if frame is None else replace(guessed, grasp_frame=frame))
     except HandError as error:
         raise HandError(f"{file}: {error}") from None
-    if frame is None:
-        return guessed, (*chains.notes, *fits)
-    return replace(guessed, grasp_frame=frame), (*chains.notes, *fits, FRAMED)
+    return guessed, (*chains.notes, *fits, *([] if frame is None else [FRAMED]))
 
 
 def _grasp_frame(tree: UrdfTree, root: str, chains: Chains) -> Place | None:
