@@ -107,6 +107,8 @@ def _held(words: Sequence[str] | None) -> dict[str, float]:
     found = {}
     for word in words or []:
         name, _, angle = word.rpartition("=")
+        if name in found:
+            raise UsageError(f"--hold: {name} twice; should be held at one angle")
         try:
             found[name] = math.radians(float(angle))
         except ValueError:

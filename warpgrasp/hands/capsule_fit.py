@@ -15,6 +15,8 @@ from warpgrasp.hands.touch_shapes import skins_of
 _POINTS = 1500
 _SEED = 0
 """Of the points on the hull: a fit is the same every time."""
+_BALL_M = 1e-4
+"""A capsule whose ends are nearer is fitted as a ball: no file need tell them apart."""
 _SAID_M = 1e-4
 """Distances of a skin that are less are not said."""
 _GRID = 13
@@ -46,6 +48,8 @@ def fit_capsule(vertices_m: np.ndarray) -> Capsule:
     axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     best = min((_descend(points, middle, axis) for axis in axes), key=lambda found: found.cost)
     start, end, radius = best.x[:3], best.x[3:6], abs(float(best.x[6]))
+    if np.linalg.norm(end - start) < _BALL_M:
+        start = end = (start + end) / 2
     error = float(np.abs(distance_to_capsule(points, start, end, radius)).max())
     return Capsule(vector_of(start), vector_of(end), radius, error)
 
@@ -65,6 +69,7 @@ def capsule_of_cylinder(radius_m: float, length_m: float) -> tuple[float, float,
 
     found = least_squares(lambda x: weight * off(x), [max(length_m / 2 - radius_m, 0.0), radius_m],
                           x_scale=length_m + radius_m, bounds=(0.0, np.inf)).x.round(9)
+    found[0] *= 2 * found[0] >= _BALL_M
     rim = np.array([[radius_m, 0.0], [radius_m, length_m / 2], [0.0, length_m / 2]])
     points = np.concatenate([points, rim])
     return float(found[0]), float(found[1]), float(np.abs(off(found)).max())
