@@ -318,4 +318,6 @@ def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fal
 
     if on == FLOATING:
         raise UsageError("--on: a floating wrist has no links; should be an arm")
+    if units is not None and object_ is None:
+        raise UsageError("--units: says how large a mesh is; should stand beside --object")
     return export(file, arm=on or (PUMA560 if arm else None), what=object_, units=units, hand=hand)

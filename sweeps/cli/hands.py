@@ -64,6 +64,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     from sweeps.output import note, quiet_stdout, write_atomic
     from sweeps.report.hand_picture import hand_picture
     from sweeps.spec.errors import StoreError
+    from warpgrasp.hands.capsule_fit import skin_notes
     from warpgrasp.hands.hand_file import hand_from_file
     from warpgrasp.hands.hand_writer import hand_text
     from warpgrasp.hands.urdf_hand import FRAMED, hand_from_urdf
@@ -87,6 +88,8 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             for line in notes:
                 note(line)
         _say_guesses(model)
+        for line in skin_notes(model):
+            note(line)
         picture = out.with_suffix(".png")
         files = {} if text is None else {out: text.encode()}
         for path, content in (files | {picture: encode(hand_picture(model), "png")}).items():
@@ -104,6 +107,8 @@ def _held(words: Sequence[str] | None) -> dict[str, float]:
     found = {}
     for word in words or []:
         name, _, angle = word.rpartition("=")
+        if name in found:
+            raise UsageError(f"--hold: {name} twice; should be held at one angle")
         try:
             found[name] = math.radians(float(angle))
         except ValueError:

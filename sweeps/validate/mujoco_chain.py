@@ -15,7 +15,6 @@ from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.model_tree import hand_model_tree
 from warpgrasp.hands.hand_frames import matrix_of
-from warpgrasp.hands.touch_shapes import bulk_of
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 
 mujoco = engine("mujoco")
@@ -46,7 +45,7 @@ class MujocoChain(MujocoFingers):
         for f, finger in enumerate(hand.model.fingers):
             for j, joint in enumerate(finger.joints):
                 number = model.body(f"{joint.name}_link").id
-                bulk = bulk_of(joint.shapes)
+                bulk = hand.bulks[f][j]
                 mass = max(bulk.volume_m3 * table.link_density_kg_m3, _LEAST_KG * (
                     bulk.volume_m3 == 0.0))
                 model.body_mass[number] = mass

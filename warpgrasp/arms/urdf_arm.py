@@ -12,6 +12,8 @@ from warpgrasp.hands.urdf_tree import UrdfJoint, UrdfTree, read_urdf
 
 _SPEED_RAD_S = math.pi / 2
 """Of a joint whose speed the file does not say [est]."""
+_NAMED = 4
+"""Links that a note names at most."""
 
 
 def arm_from_urdf(file: Path, *, flange: str | None = None) -> tuple[ArmModel, tuple[str, ...]]:
@@ -27,6 +29,12 @@ def arm_from_urdf(file: Path, *, flange: str | None = None) -> tuple[ArmModel, t
         raise ArmError(f"{file}: flange: there is no link {link!r}; should be one of "
                        f"{', '.join(tree.links)}")
     notes = []
+    if flange is None:
+        beyond = [name for name in tree.links if link in {j.parent for j in tree.path(name)}]
+        more = f" and {len(beyond) - _NAMED} more" if len(beyond) > _NAMED else ""
+        left = f"; {', '.join(beyond[:_NAMED])}{more} beyond it left out" if beyond else ""
+        notes.append(f"link {link} carries the hand, the last of the only chain of 6 or "
+                     f"{ARM_JOINTS} joints{left}; --flange names another link")
     joints, before = [], np.eye(4)
     for joint in tree.path(link):
         if not joint.usable:

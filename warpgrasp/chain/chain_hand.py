@@ -17,7 +17,7 @@ from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, ChainCapsule, 
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, posture_angles
 from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
-from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
+from warpgrasp.hands.touch_shapes import Bulk, bulk_of, palmar_directions, touch_model
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_weight import GRAVITY_M_S2
 from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
@@ -45,6 +45,8 @@ class ChainHand:
     """The joint within the finger that bears each."""
     palm: tuple[Capsule, ...]
     """In the hand's frame."""
+    bulks: tuple[tuple[Bulk, ...], ...]
+    """Of each finger's links: what the shapes of the hand's file weigh, not the capsules."""
 
     @property
     def fingers(self) -> int:
@@ -84,7 +86,10 @@ def chain_of(model: HandModel) -> ChainHand:
     inverse = np.linalg.inv(matrix_of(touched.grasp_frame))
     palm = tuple(_outward(_moved(shape, inverse), np.zeros(3)) for shape in touched.palm
                  if isinstance(shape, Capsule))
-    return ChainHand(touched, tuple(drives), tuple(numbers), tuple(capsules), tuple(bearing), palm)
+    bulks = tuple(tuple(bulk_of(joint.shapes) for joint in finger.joints)
+                  for finger in model.fingers)
+    return ChainHand(touched, tuple(drives), tuple(numbers), tuple(capsules), tuple(bearing), palm,
+                     bulks)
 
 
 def hand_of_kind(kind: str) -> HandModel:
@@ -206,9 +211,9 @@ def chain_rows(
                 row["place"][:, :3] += errors.finger_base_m[:, f]
             row["axis"] = joint.axis
             row["drive"], row["factor"], row["shift"] = joint_drive(hand, f, j)
-            bulk = bulk_of(joint.shapes)
+            bulk = hand.bulks[f][j]
             row["weight"] = bulk.volume_m3 * table.link_density_kg_m3 * GRAVITY_M_S2
-            row["centre"] = bulk.centre_m * stretch[:, j, None]
+            row["centre"] = np.array(bulk.centre_m) * stretch[:, j, None]
             reach += row["arm"]
         chain = chains[:, f]
         chain["joint_count"], chain["drives"] = len(finger.joints), len(hand.drives[f])

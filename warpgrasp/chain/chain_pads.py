@@ -20,6 +20,8 @@ _PARALLEL = 0.95
 _ACROSS = 9
 """Places across a pad at which it is to stand off the skin."""
 _FINER_M = 1e-4
+_BALL_M = 2e-6
+"""A link's capsule that is no longer is a ball."""
 
 
 def own_pads(hand: ChainHand, table: PadTable) -> PadTable:
@@ -56,11 +58,15 @@ def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, 
         if name == names[-1]:
             bent = pads.wrap_rad * (place.radius + pads.thickness_m)
         if not 0.0 <= pads.length_m - bent <= length:
+            what = f"of {length * 1e3:.3g} mm" if length > _BALL_M else "that is a ball"
+            fits = f"{bent * 1e3:.3g} to {(bent + length) * 1e3:.3g}"
+            if length <= _BALL_M:  # what is bent over it is all of the pad
+                fits = f"{(bent + length / 2) * 1e3:.7g}, or the finger without this pad"
             raise HandError(
                 f"{hand.model.name}: finger {model.name}: pad of {pads.length_m * 1e3:g} mm does "
-                f"not fit link {name} of {length * 1e3:.3g} mm; [pads] length_mm of "
+                f"not fit link {name} {what}; [pads] length_mm of "
                 f"{'a spec' if hand.model.pad_size is None else 'the file of the hand'} should be "
-                f"{bent * 1e3:.3g} to {(bent + length) * 1e3:.3g}")
+                f"{fits}")
         found.append(place)
     return tuple(found)
 

@@ -6,11 +6,12 @@ but not each other; `warpgrasp validate` switches both on. Armature and damping 
 a finger gets there.
 """
 
+import math
 from collections.abc import Iterable, Sequence
 from xml.sax.saxutils import quoteattr
 
 from warpgrasp.export.convex_solids import Solid
-from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Joint, Link
+from warpgrasp.export.robot_tree import BALL_M, DENSITY_KG_M3, STILL, Joint, Link
 from warpgrasp.hands.hand_model import Capsule
 
 FINGER_ARMATURE = 1e-4
@@ -101,7 +102,7 @@ def _equalities(joints: Iterable[Joint]) -> list[str]:
 
 def _capsule(c: Capsule, name: str, touches: bool) -> str:
     shape = f'type="capsule" fromto="{_all((*c.start, *c.end))}"'
-    if c.start == c.end:
+    if math.dist(c.start, c.end) < BALL_M:
         shape = f'type="sphere" pos="{_all(c.start)}"'
     return f'<geom name="{name}" {shape} size="{_n(c.radius)}" {_LINK if touches else _IDLE}/>'
 

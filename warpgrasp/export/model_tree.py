@@ -9,7 +9,7 @@ from xml.sax.saxutils import escape
 
 import numpy as np
 
-from warpgrasp.export.robot_tree import STILL, Joint, Link, arm_tree
+from warpgrasp.export.robot_tree import STILL, Joint, Link, arm_tree, flange_link
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandJoint, HandModel, Shape
 from warpgrasp.hands.urdf_tree import FRAME_LINK
@@ -44,7 +44,8 @@ def arm_model_tree(arm: ArmTable, model: HandModel, mount_length_m: float) -> li
     A joint of the arm that is called as one of the hand's gets `carrying_` before its name.
     """
     links, place = arm_tree(arm, mount_length_m)
-    carried = hand_model_tree(model, parent=links[-1].name, place=place)
+    carried = [flange_link(links[-1].name, place, mount_length_m),
+               *hand_model_tree(model, parent=links[-1].name, place=place)]
     taken = {link.joint.name for link in carried if link.joint is not None}
     return [_renamed(link, taken) for link in links] + carried
 

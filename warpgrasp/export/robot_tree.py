@@ -23,6 +23,10 @@ ARM_RADIUS_M = 0.05
 """Of the arm's capsules, for the eye: the simulator takes the arm's way to be free [est]."""
 DENSITY_KG_M3 = 1000.0
 """Of all links [est], by default `HandTable.link_density_kg_m3`; other engines want all weighed."""
+FLANGE_LINK = "flange"
+"""`warpgrasp arm` takes it as the end of an exported arm."""
+BALL_M = 2e-6
+"""What is shorter from end to end is written as a ball: no reader takes such a capsule."""
 
 
 @dataclass(frozen=True)
@@ -37,6 +41,8 @@ class Joint:
     effort: float = 0.0
     """[N m], 0 where it is not known."""
     follows: Follow | None = None
+    speed: float = 0.0
+    """[rad/s], 0 where it is not known."""
 
 
 @dataclass(frozen=True)
@@ -98,7 +104,14 @@ def hand_tree(
 def arm_hand_tree(arm: ArmTable, hand: HandTable, pads: PadTable) -> list[Link]:
     """The whole robot in its base frame, joints in the order of `arm_hand_links`."""
     links, place = arm_tree(arm, hand.mount_length_m)
-    return links + hand_tree(hand, pads, parent=links[-1].name, place=place)
+    return [*links, flange_link(links[-1].name, place, hand.mount_length_m),
+            *hand_tree(hand, pads, parent=links[-1].name, place=place)]
+
+
+def flange_link(parent: str, place: Place, mount_length_m: float) -> Link:
+    """A link without shapes where the arm ends, `place` being that of the hand's frame."""
+    at = np.array(place[:3]) - Rotation.from_quat(place[3:]).apply([0.0, 0.0, mount_length_m])
+    return Link(FLANGE_LINK, parent, _floats((*at, *place[3:])), touches=False)
 
 
 def arm_tree(arm: ArmTable, mount_length_m: float) -> tuple[list[Link], Place]:
@@ -120,7 +133,7 @@ def arm_tree(arm: ArmTable, mount_length_m: float) -> tuple[list[Link], Place]:
         links.append(Link(
             f"arm{j + 1}", links[-1].name, place,
             Joint(f"arm_joint{j + 1}", (0.0, 0.0, 1.0), arm.limit_low_rad[j],
-                  arm.limit_high_rad[j], 0.0), bones, touches=False))
+                  arm.limit_high_rad[j], 0.0, speed=arm.speed_rad_s[j]), bones, touches=False))
         place = (*end, *turn)
     x, y, z, *turned = (float(v) for v in place)
     a, b, c, d = turned
@@ -140,8 +153,8 @@ def _serial_tree(model: ArmModel, mount_length_m: float) -> tuple[list[Link], Pl
         bones = (Capsule(origin, end, ARM_RADIUS_M),) if end != origin else ()
         links.append(Link(
             f"arm{len(links)}", links[-1].name, _floats(place),
-            Joint(f"arm_joint{len(links)}", joint.axis, joint.low_rad, joint.high_rad, 0.0), bones,
-            touches=False))
+            Joint(f"arm_joint{len(links)}", joint.axis, joint.low_rad, joint.high_rad, 0.0,
+                  speed=joint.speed_rad_s), bones, touches=False))
     at = np.array(places[-1][:3]) + Rotation.from_quat(places[-1][3:]).apply(
         [0.0, 0.0, mount_length_m])
     return links, _floats((*at, *places[-1][3:]))

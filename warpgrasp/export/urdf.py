@@ -11,12 +11,12 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.export.convex_solids import Solid
-from warpgrasp.export.robot_tree import DENSITY_KG_M3, STILL, Link
+from warpgrasp.export.robot_tree import BALL_M, DENSITY_KG_M3, STILL, Link
 from warpgrasp.hands.hand_frames import fixed_angles
 from warpgrasp.hands.hand_model import Box, Capsule
 from warpgrasp.hands.urdf_tree import NO_LIMIT_NM
 
-_SPEED = 10.0  # of a joint [rad/s, est]: URDF requires it
+_SPEED = 10.0  # of a joint whose speed is not known [rad/s, est]: URDF requires it
 
 
 def urdf_text(
@@ -57,7 +57,7 @@ def _joint(link: Link) -> list[str]:
              f'    <parent link="{parent}"/>', f'    <child link="{link.name}"/>',
              f"    {_origin(link.place)}", f'    <axis xyz="{_all(j.axis)}"/>',
              f'    <limit lower="{_n(j.low)}" upper="{_n(j.high)}" '
-             f'effort="{_n(j.effort or NO_LIMIT_NM)}" velocity="{_n(_SPEED)}"/>']
+             f'effort="{_n(j.effort or NO_LIMIT_NM)}" velocity="{_n(j.speed or _SPEED)}"/>']
     if j.follows is not None:
         f = j.follows
         lines.append(f'    <mimic joint="{f.joint}" multiplier="{_n(f.factor)}" '
@@ -79,8 +79,9 @@ def _fixed_joint(name: str, parent: str, place: Sequence[float]) -> list[str]:
 def _capsule(c: Capsule, role: str) -> list[str]:
     start, end = np.asarray(c.start), np.asarray(c.end)
     length = float(np.linalg.norm(end - start))
-    if length == 0.0:
-        return _shape(role, (*start, 0.0, 0.0, 0.0, 1.0), f'<sphere radius="{_n(c.radius)}"/>')
+    if length < BALL_M:
+        return _shape(role, (*((start + end) / 2), 0.0, 0.0, 0.0, 1.0),
+                      f'<sphere radius="{_n(c.radius)}"/>')
     along = Rotation.align_vectors([(end - start) / length], [[0.0, 0.0, 1.0]])[0].as_quat()
     return [*_shape(role, (*((start + end) / 2), *along),
                     f'<cylinder radius="{_n(c.radius)}" length="{_n(length)}"/>'),

@@ -11,9 +11,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
                    "Follow", "HandError", "HandJoint", "HandModel", "PadPlace", "Place", "Posture",
                    "STILL", "Shape", "UNITS_OF_FILES", "vector_of"],
     "hand_writer": ["hand_text"],
+    "capsule_fit": ["skin_notes"],
     "frames_batch": ["link_frames_batch"],
     "strict_toml": ["read_strict"],
-    "touch_shapes": ["bulk_of", "palmar_directions", "touch_model"],
+    "touch_shapes": ["Bulk", "bulk_of", "palmar_directions", "touch_model"],
     "urdf_hand": ["FRAMED", "hand_from_urdf"],
     "urdf_tree": ["FRAME_LINK", "NO_LIMIT_NM", "UrdfJoint", "UrdfTree", "read_urdf"],
 })

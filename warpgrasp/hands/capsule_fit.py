@@ -1,6 +1,6 @@
-"""Capsules that stand for meshes and cylinders, with the error of each.
+"""Capsules that stand for meshes and cylinders, with the error of each; and of a hand's skin.
 
-The capsule's surface is fitted to points of the mesh's convex hull by least squares of their
+A capsule's surface is fitted to points of the mesh's convex hull by least squares of their
 signed distances; what lies inside a mesh touches nothing.
 """
 
@@ -8,11 +8,19 @@ import numpy as np
 import trimesh
 from scipy.optimize import least_squares
 
-from warpgrasp.hands.hand_model import Capsule, vector_of
+from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape, vector_of
+from warpgrasp.hands.touch_shapes import skins_of
 
 _POINTS = 1500
 _SEED = 0
 """Of the points on the hull: a fit is the same every time."""
+_BALL_M = 1e-4
+"""A capsule whose ends are nearer is fitted as a ball: no file need tell them apart."""
+_SAID_M = 1e-4
+"""Distances of a skin that are less are not said."""
+_GRID = 13
+"""Points along a side of a box, or along a capsule."""
 
 
 def distance_to_capsule(points_m: np.ndarray, start: np.ndarray, end: np.ndarray,
@@ -40,6 +48,8 @@ def fit_capsule(vertices_m: np.ndarray) -> Capsule:
     axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     best = min((_descend(points, middle, axis) for axis in axes), key=lambda found: found.cost)
     start, end, radius = best.x[:3], best.x[3:6], abs(float(best.x[6]))
+    if np.linalg.norm(end - start) < _BALL_M:
+        start = end = (start + end) / 2
     error = float(np.abs(distance_to_capsule(points, start, end, radius)).max())
     return Capsule(vector_of(start), vector_of(end), radius, error)
 
@@ -59,6 +69,7 @@ def capsule_of_cylinder(radius_m: float, length_m: float) -> tuple[float, float,
 
     found = least_squares(lambda x: weight * off(x), [max(length_m / 2 - radius_m, 0.0), radius_m],
                           x_scale=length_m + radius_m, bounds=(0.0, np.inf)).x.round(9)
+    found[0] *= 2 * found[0] >= _BALL_M
     rim = np.array([[radius_m, 0.0], [radius_m, length_m / 2], [0.0, length_m / 2]])
     points = np.concatenate([points, rim])
     return float(found[0]), float(found[1]), float(np.abs(off(found)).max())
@@ -77,3 +88,51 @@ def _descend(points: np.ndarray, middle: np.ndarray, axis: np.ndarray):
     scale = float(np.ptp(points, axis=0).max())
     return least_squares(lambda x: distance_to_capsule(points, x[:3], x[3:6], x[6]), guess,
                          x_scale=scale, max_nfev=200)
+
+
+def skin_notes(model: HandModel) -> tuple[str, ...]:
+    """How far the skin that a hand touches with lies off its shapes at most, and its widest slit, a
+    sentence each."""
+    off, slits = {}, {}
+    for where, shapes, skin in skins_of(model):
+        if shapes == skin:
+            continue
+        outside = [np.min([_distance(c, _surface(shape)) for c in skin], 0) for shape in shapes]
+        beyond = [np.min([_distance(shape, _surface(c)) for shape in shapes], 0) for c in skin]
+        off[where] = float(np.concatenate([*outside, *beyond]).max())
+        if len(skin) > 1:  # all parallel, and as far apart
+            start, along = np.array(skin[0].start), np.subtract(skin[0].end, skin[0].start)
+            to = skin[1].start - start
+            to = to - along * (along @ to) / max(along @ along, 1e-18)
+            slits[where] = float(np.linalg.norm(to)) - 2.0 * skin[0].radius
+    notes = []
+    for found, said in ((off, "its skin of capsules lies off its shapes by at most {:.1f} mm, the "
+                              "most of this hand"),
+                        (slits, "between its capsules is a slit of {:.1f} mm, the widest of this "
+                                "hand; what is narrower passes through")):
+        where = max(found, key=lambda name: found[name], default="")
+        if where and found[where] >= _SAID_M:
+            notes.append(f"{where}: {said.format(1e3 * found[where])}")
+    return tuple(notes)
+
+
+def _surface(shape: Shape) -> np.ndarray:
+    """Points on a shape (n, 3); of a capsule also some within."""
+    share = np.linspace(0.0, 1.0, _GRID)
+    if isinstance(shape, Box):
+        unit = np.stack(np.meshgrid(share, share, share), -1).reshape(-1, 3) - 0.5
+        frame = matrix_of(shape.place)
+        return (unit[np.abs(unit).max(1) == 0.5] * shape.size) @ frame[:3, :3].T + frame[:3, 3]
+    ball = trimesh.creation.icosphere(subdivisions=2, radius=shape.radius).vertices
+    axis = np.add(shape.start, share[:, None] * np.subtract(shape.end, shape.start))
+    return np.asarray(axis[:, None] + ball).reshape(-1, 3)
+
+
+def _distance(shape: Shape, points_m: np.ndarray) -> np.ndarray:
+    """Of points (n, 3) from a shape [m]; 0 or less within it."""
+    if isinstance(shape, Capsule):
+        return distance_to_capsule(points_m, np.array(shape.start), np.array(shape.end),
+                                   shape.radius)
+    frame = matrix_of(shape.place)
+    own = (points_m - frame[:3, 3]) @ frame[:3, :3]
+    return np.linalg.norm(np.maximum(np.abs(own) - np.array(shape.size) / 2, 0.0), axis=1)

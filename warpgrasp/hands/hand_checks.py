@@ -130,10 +130,13 @@ def _check_finger(finger: Finger) -> None:
         raise HandError(f"finger {finger.name}: {count} joints; should be 1 to {MOST_JOINTS}: hold "
                         "some of them at an angle, or name the link beyond them as the palm")
     for joint in finger.joints:
-        numbers = [*joint.place, *joint.axis, joint.low_rad, joint.high_rad, joint.effort_Nm,
-                   joint.stiffness_Nm_rad]
-        if not np.isfinite(numbers).all():
-            raise HandError(f"joint {joint.name}: a number that is not finite; should be finite")
+        for what, numbers in (("place", joint.place), ("axis", joint.axis),
+                              ("limits", (joint.low_rad, joint.high_rad)),
+                              ("effort", (joint.effort_Nm,)),
+                              ("stiffness", (joint.stiffness_Nm_rad,))):
+            if not np.isfinite(numbers).all():
+                raise HandError(f"joint {joint.name}: {what} {', '.join(map(str, numbers))}; "
+                                "should be finite")
         if abs(np.linalg.norm(joint.axis) - 1.0) > 1e-6:
             raise HandError(f"joint {joint.name}: axis of length "
                             f"{np.linalg.norm(joint.axis):.4g}; should be 1")

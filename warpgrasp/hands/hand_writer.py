@@ -71,16 +71,16 @@ def _finger(finger: Finger, mark: str) -> list[str]:
                   f"radius_mm = {_number(place.radius * 1e3)}",
                   f"side = [{', '.join(map(_number, place.out))}]", ""]
     for joint in finger.joints:
-        lines += _joint(joint)
+        lines += _joint(joint, mark)
     return lines
 
 
-def _joint(joint: HandJoint) -> list[str]:
+def _joint(joint: HandJoint, mark: str) -> list[str]:
     lines = ["[[finger.joint]]", f"name = {_text(joint.name)}", *_place(joint.place),
              f"axis = [{', '.join(map(_number, joint.axis))}]",
              f"limits_deg = [{_degrees(joint.low_rad)}, {_degrees(joint.high_rad)}]",
              f"effort_Nm = {_number(joint.effort_Nm)}",
-             f"stiffness_Nm_rad = {_number(joint.stiffness_Nm_rad)}"]
+             f"stiffness_Nm_rad = {_number(joint.stiffness_Nm_rad)}{mark}"]
     if joint.follows is not None:
         f = joint.follows
         lines.append(f"follows = {{ joint = {_text(f.joint)}, factor = {_number(f.factor)}, "

@@ -35,7 +35,7 @@ def read_strict(
                          "file")
     given: Any = None
     try:
-        given = tomllib.loads(raw.decode())
+        given = tomllib.loads(raw.decode("utf-8-sig"))  # of Windows editors, too
         return table.model_validate(given)
     except ValidationError as error:
         raise error_type("\n".join(

@@ -31,6 +31,8 @@ _WORDS = (("thumb", r"thumb|(^|_)th($|[^a-z])"), ("index", r"index|(^|_)ff"),
           ("middle", r"middle|(^|_)mf"), ("ring", r"ring|(^|_)rf"),
           ("little", r"little|pinky|(^|_)lf"))
 """Names of fingers, and how their links and joints are called."""
+_TIP = r"tip(?![a-z])"
+"""In the name of a link that is a finger's tip, but not in "multiplier"."""
 FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
 """What is said where it is no guess."""
 
@@ -52,16 +54,24 @@ def hand_from_urdf(
             if name not in tree.links:
                 raise HandError(f"{file}: {what}: there is no link {name!r}; should be one of "
                                 f"{', '.join(tree.links)}")
-    turning = {joint.name: joint for joint in tree.joint_to.values() if joint.turns}
+    root = palm or tree.root
+    beyond = {joint.name for joint in tree.joint_to.values()
+              if root in [before.parent for before in tree.path(joint.child)]}
+    for name in tips:
+        if not beyond.intersection(joint.name for joint in tree.path(name)):
+            raise HandError(f"{file}: tip: link {name} is not beyond the palm, link {root}; should "
+                            "be")
+    leading = {joint.follows[0] for joint in tree.joint_to.values() if joint.follows is not None}
+    turning = {joint.name: joint for joint in tree.joint_to.values()
+               if joint.turns and joint.name in beyond | leading}
     for name, angle in (held_rad or {}).items():
         if name not in turning:
-            raise HandError(f"{file}: hold: there is no moving joint {name!r}; should be one of "
-                            f"{', '.join(turning)}")
+            raise HandError(f"{file}: hold: there is no moving joint {name!r} beyond link "
+                            f"{root}; should be one of {', '.join(turning)}")
         low, high = (math.degrees(v) for v in (turning[name].low_rad, turning[name].high_rad))
         if not low - NEAR <= math.degrees(angle) <= high + NEAR:
             raise HandError(f"{file}: hold: joint {name} at {math.degrees(angle):.4g} deg; should "
                             f"be {low:.4g} to {high:.4g}")
-    root = palm or tree.root
     chains = finger_chains(tree, root, tips, held_rad or {})
     names = _names(tree, chains)
     fingers = tuple(_finger(tree, root, name, chain, chains)
@@ -73,15 +83,21 @@ def hand_from_urdf(
     fits = tuple(f"{name}: a capsule stands for a mesh or cylinder, off by at most "
                  f"{shape.fit_error_m * 1e3:.2f} mm" for name, shapes in where
                  for shape in shapes if isinstance(shape, Capsule) and shape.fit_error_m)
+    before = {joint.name for joint in tree.path(root)}
+    beside = [joint.name for joint in tree.joint_to.values()
+              if joint.turns and joint.name not in beyond | before]
+    said = [f"link {root} is the palm: joints beside it are left out: {', '.join(beside)}"
+            ] if beside else []
     frame = _grasp_frame(tree, root, chains)
+    if frame is None and FRAME_LINK in tree.links:
+        said.append(f"link {FRAME_LINK} does not stand still on the palm: the frame is a guess")
     try:
         check_hand(model)
-        guessed = check_hand(with_guesses(model))
+        guessed = with_guesses(model)
+        guessed = check_hand(guessed if frame is None else replace(guessed, grasp_frame=frame))
     except HandError as error:
         raise HandError(f"{file}: {error}") from None
-    if frame is None:
-        return guessed, (*chains.notes, *fits)
-    return replace(guessed, grasp_frame=frame), (*chains.notes, *fits, FRAMED)
+    return guessed, (*said, *chains.notes, *fits, *([] if frame is None else [FRAMED]))
 
 
 def _grasp_frame(tree: UrdfTree, root: str, chains: Chains) -> Place | None:
@@ -142,7 +158,7 @@ def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarr
     the link's shapes that lies farthest out. A guess."""
     frames = [(link, np.eye(4))]
     for name, frame in frames:
-        if "tip" in name.lower() and np.linalg.norm(frame[:3, 3]) > 1e-6:
+        if re.search(_TIP, name.lower()) and np.linalg.norm(frame[:3, 3]) > 1e-6:
             return frame[:3, 3]
         frames += [(joint.child, frame @ _still(joint, chains)) for joint in tree.children(name)]
     if last.shapes:

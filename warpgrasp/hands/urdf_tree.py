@@ -24,6 +24,17 @@ _NUMBERS = {"origin": ("xyz", "rpy"), "axis": ("xyz",), "mimic": ("multiplier", 
             "mass": ("value",), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
             "dynamics": ("damping", "friction")}
 """Elements of links and joints, and which of their attributes are numbers."""
+_COUNTS = {"xyz": (3,), "rpy": (3,), "size": (3,), "scale": (1, 3)}
+"""How many numbers an attribute has, if not one."""
+_SAMPLES = {"robot": {"name": "my_hand"}, "link": {"name": "palm"},
+            "joint": {"name": "joint1", "type": "revolute"}, "parent": {"link": "palm"},
+            "child": {"link": "link1"}, "mimic": {"joint": "joint1"},
+            "box": {"size": "0.02 0.02 0.04"}, "sphere": {"radius": "0.01"},
+            "cylinder": {"radius": "0.01", "length": "0.04"}, "mesh": {"filename": "link1.stl"}}
+"""Attributes that elements must have, for instance."""
+_SHAPES = ("box", "cylinder", "sphere", "mesh")
+_LONGEST = 80
+"""Characters of a name, as in a hand's file."""
 _TURNING = ("revolute", "continuous")
 
 
@@ -129,13 +140,16 @@ def _parsed(file: Path) -> Any:
     except ImportError:
         raise HandError(f"{file}: reading a URDF needs yourdfpy: run `pip install '.[hands]'` in "
                         "the clone") from None
-    for joint in root.iter("joint"):  # the reader's own messages name no element
-        if joint.get("type") and None in (joint.find("parent"), joint.find("child")):
-            raise HandError(f"{file}: joint {joint.get('name')}: has no parent or no child; should "
-                            "have both")
+    # The reader's own messages name no element.
+    _check_element(f"{file}: the robot", root)
     for kind in ("link", "joint"):
-        for element in root.iter(kind):
-            _check_numbers(f"{file}: {kind} {element.get('name')}", element)
+        for n, element in enumerate(root.findall(kind), 1):
+            name = element.get("name", "")
+            where = f"{file}: {kind} {name if name.isprintable() and name else f'number {n}'}"
+            if kind == "joint" and None in (element.find("parent"), element.find("child")):
+                raise HandError(f"{where}: has no parent or no child; should have both")
+            for part in element.iter():
+                _check_element(where, part)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused later, by name
             return URDF.load(str(file), build_scene_graph=False, load_meshes=False).robot
@@ -144,15 +158,36 @@ def _parsed(file: Path) -> Any:
                         "should be as wiki.ros.org/urdf/XML says") from None
 
 
-def _check_numbers(where: str, element: ET.Element) -> None:
-    for part in element.iter():
-        for key in _NUMBERS.get(part.tag, ()):
-            text = part.get(key, "")
-            try:
-                _ = [float(word) for word in text.split()]
-            except ValueError:
-                raise HandError(f'{where}: {key}="{text}" of <{part.tag}>; should be numbers, with '
-                                "points in them and blanks between them") from None
+def _check_element(where: str, part: ET.Element) -> None:
+    """Raises HandError where an attribute is missing, or is not the numbers that it should be."""
+    for key in (sample := _SAMPLES.get(part.tag, {})):
+        if not part.get(key):
+            like = " ".join(f'{k}="{v}"' for k, v in sample.items())
+            raise HandError(f"{where}: <{part.tag}> without {key}; should have it, as in "
+                            f"<{part.tag} {like}>")
+    name = part.get("name", "") if part.tag in ("robot", "joint") else ""
+    if len(name) > _LONGEST or not name.isprintable():
+        raise HandError(f"{where}: its name has {len(name)} characters; should have at most "
+                        f"{_LONGEST}, without line breaks")
+    for key in _NUMBERS.get(part.tag, ()):
+        if (text := part.get(key)) is None:
+            continue
+        counts = _COUNTS.get(key, (1,))
+        wanted = "a number" if counts == (1,) else " or ".join(map(str, counts)) + " numbers"
+        try:
+            right = len([float(word) for word in text.split()]) in counts
+        except ValueError:
+            right = False
+        if not right:
+            raise HandError(f'{where}: {key}="{text}" of <{part.tag}>; should be {wanted}, with '
+                            "points in them and blanks between them")
+    if part.tag in ("collision", "visual") and part.find("geometry") is None:
+        raise HandError(f"{where}: <{part.tag}> without geometry; should have a shape")
+    if part.tag == "geometry" and [shape.tag for shape in part][:1] not in [[s] for s in _SHAPES]:
+        what = f"a <{part[0].tag}>" if len(part) else "no shape"
+        remedy = ("a cylinder and a sphere as thick at each of its ends"
+                  if len(part) and part[0].tag == "capsule" else f"one of {', '.join(_SHAPES)}")
+        raise HandError(f"{where}: <geometry> with {what}; should have {remedy}")
 
 
 def _joint(file: Path, given: Any) -> UrdfJoint:
@@ -185,6 +220,8 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
     if turns and given.mimic is not None:
         mimic = given.mimic
         follows = (str(mimic.joint), float(mimic.multiplier), float(mimic.offset))
+        if not np.isfinite(follows[1:]).all():
+            raise HandError(f"{where}: multiplier or offset of its mimic is not finite; should be")
     return UrdfJoint(given.name, given.parent, given.child, origin, str(given.type), axis, low,
                      high, effort, speed, follows)
 

@@ -13,7 +13,6 @@ from scipy.optimize import minimize, nnls
 
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, link_frames_of
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
-from warpgrasp.hands.touch_shapes import bulk_of
 from warpgrasp.parameters import ContactTable, HandTable
 
 _SAMPLES, _ROUNDS = 65, 6
@@ -35,7 +34,7 @@ class ReferenceChain:
         self.skin = table.skin_stiffness_N_m
         self.friction = contact.friction
         self.radius = np.array([c.radius for c in hand.capsules[finger]])
-        bulks = [bulk_of(joint.shapes) for joint in model.joints]
+        bulks = hand.bulks[finger]
         self.weight = 9.81 * table.link_density_kg_m3 * contact.weight * np.array(
             [bulk.volume_m3 for bulk in bulks])
         self.centre = np.array([[*bulk.centre_m, 1.0] for bulk in bulks])

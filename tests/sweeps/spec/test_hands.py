@@ -11,7 +11,7 @@ from sweeps.spec.errors import SpecError
 from sweeps.spec.reader import read_spec
 from sweeps.spec.study import Study
 from warpgrasp.hands.hand_file import hand_named
-from warpgrasp.hands.hand_model import HandClosing, Posture
+from warpgrasp.hands.hand_model import Capsule, HandClosing, Posture
 from warpgrasp.hands.hand_writer import hand_text
 
 HEAD = 'schema = 1\nobjects = ["block"]\n'
@@ -179,6 +179,23 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
     assert "pads.length_mm: leap: finger index: pad of 15 mm does not fit link 3" in said
     assert "[pads] length_mm of a spec should be" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE + "[pads]\nlength_mm = 30.0\n")
+
+
+def test_a_pad_on_a_ball_is_told_its_length(tmp_path: Path) -> None:
+    """With so many digits that it fits."""
+    leap = hand_named("leap")
+    ball = (Capsule((0.0, -0.03, 0.015), (0.0, -0.03, 0.015), 0.01),)
+    fingers = tuple(replace(finger, joints=(*finger.joints[:-1], replace(
+        finger.joints[-1], shapes=ball))) for finger in leap.fingers)
+    own = tmp_path / "my_hand.toml"
+    text = hand_text(replace(leap, fingers=fingers))
+    own.write_text(text)
+    spec = HEAD + 'hand = "my_hand.toml"\n' + RING + 'order = ["containment", "planar"]\n' + ALONE
+    said = told(tmp_path, spec)
+    assert "does not fit link 3 that is a ball; [pads] length_mm of the file of the hand" in said
+    length = said.partition("should be ")[2].partition(",")[0]
+    own.write_text(text.replace("length_mm = 25.4", f"length_mm = {length}"))
+    read(tmp_path, spec)
 
 
 def test_hands_that_cannot_be_closed_are_refused(tmp_path: Path) -> None:

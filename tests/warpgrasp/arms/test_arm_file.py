@@ -43,11 +43,16 @@ def test_an_exported_arm_is_read_from_its_urdf(name: str, tmp_path: Path) -> Non
                         name=name, mesh_stem="none")
     file = tmp_path / "arm.urdf"
     file.write_text(text)
+    whole, _ = arm_from_urdf(file, flange="flange")
     found, _ = arm_from_urdf(file, flange=f"arm{len(model.joints)}")
     still = replace(model, flange_xyz_m=(0.0, 0.0, 0.0), flange_rpy_rad=(0.0, 0.0, 0.0))
     q = np.random.default_rng(0).uniform(-1.0, 1.0, (20, len(model.joints)))
     np.testing.assert_allclose(flange_poses(found, q)[:, :3], flange_poses(still, q)[:, :3],
                                atol=1e-6)
+    np.testing.assert_allclose(flange_poses(whole, q)[:, :3], flange_poses(model, q)[:, :3],
+                               atol=1e-6)
+    assert [j.speed_rad_s for j in whole.joints] == pytest.approx(
+        [j.speed_rad_s for j in model.joints])
 
 
 def chain(joints: int) -> str:
@@ -67,6 +72,12 @@ def test_the_only_chain_of_six_or_seven_joints_is_the_arm(tmp_path: Path) -> Non
     assert len(model.joints) == 7
     assert model.home_rad == pytest.approx([0.5] * 7)
     assert any("home" in note for note in notes)
+    assert notes[0] == ("link l7 carries the hand, the last of the only chain of 6 or 7 joints; "
+                        "--flange names another link")
+    file.write_text(chain(6).replace("</robot>", '<link name="tool0"/><joint name="t" type="fixed">'
+                                     '<parent link="l6"/><child link="tool0"/></joint></robot>'))
+    assert "link l6 carries the hand" in arm_from_urdf(file)[1][0]
+    assert "; tool0 beyond it left out; --flange" in arm_from_urdf(file)[1][0]
     for joints in (5, 8):
         file.write_text(chain(joints))
         with pytest.raises(ArmError, match="should"):

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from chains import random_angles
 from scipy.spatial.transform import Rotation
 
@@ -13,6 +14,7 @@ from sweeps.cli import main as cli
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.urdf import urdf_text
+from warpgrasp.hands.capsule_fit import fit_capsule
 from warpgrasp.hands.hand_file import SHIPPED, hand_named
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, matrix_of
 from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandModel
@@ -71,6 +73,25 @@ def test_mujoco_puts_tips_where_we_do(name: str) -> None:
         assert np.allclose(engine.joint(joint.name).range, [joint.low_rad, joint.high_rad])
         if joint.effort_Nm:
             assert servo.forcerange[1] == joint.effort_Nm
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_capsule_as_good_as_a_ball_is_written_as_one(tmp_path: Path) -> None:
+    """A mesh of a fine ball was fitted by a capsule of a micrometre, which no reader took."""
+    mujoco = pytest.importorskip("mujoco")
+    pytest.importorskip("yourdfpy")
+    points = trimesh.creation.icosphere(subdivisions=4, radius=0.01).vertices + 0.02
+    fitted = fit_capsule(points)
+    assert fitted.start == fitted.end == pytest.approx((0.02, 0.02, 0.02), abs=1e-5)
+    tiny = tuple(Capsule((0.0, 0.0, z), (0.0, 0.0, z + length), 0.01)
+                 for z, length in ((0.0, 1e-10), (0.02, 9e-7)))
+    links = hand_model_tree(replace(hand_named("barrett"), palm=tiny))
+    engine = mujoco.MjModel.from_xml_string(mjcf_text(links, table=False))
+    palm = engine.geom_type[engine.geom_bodyid == engine.body("palm").id]
+    assert (palm == mujoco.mjtGeom.mjGEOM_SPHERE).all()
+    file = tmp_path / "hand.urdf"
+    file.write_text(urdf_text(links)[0])
+    assert len(hand_from_urdf(file)[0].palm) == 2
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning")
@@ -140,5 +161,7 @@ def test_the_command_exports_every_hand(tmp_path: Path, capsys: pytest.CaptureFi
         file = tmp_path / f"{word}.xml"
         assert cli.run(["export", str(file), "--hand", word, "--object", "block"]) == 0
         assert f'model="{word}"' in file.read_text()
+    assert cli.run(["export", str(tmp_path / "x.urdf"), "--units", "mm"]) == 2
+    assert "--units: says how large a mesh is" in capsys.readouterr().err
     assert cli.run(["export", str(tmp_path / "x.xml"), "--hand", "no_hand"]) == 2
     assert "should be one of utah_mit" in capsys.readouterr().err

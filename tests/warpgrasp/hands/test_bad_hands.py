@@ -24,6 +24,12 @@ def chain(count: int) -> list[str]:
     return [*map(link, names), *(joint(f"j{n}", names[n], names[n + 1]) for n in range(count))]
 
 
+def with_shape(shape: str) -> list[str]:
+    """The good hand, a shape of one's own on its last link."""
+    inside = f"<collision><geometry>{shape}</geometry></collision>"
+    return [*GOOD[:2], link("b", inside), *GOOD[3:]]
+
+
 BAD = {
     "mesh": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="no.stl"/></geometry>'
                               "</collision>"), *GOOD[3:]],
@@ -63,12 +69,12 @@ BAD = {
                "link b: a collision's origin is not finite"),
     "twice": ([*GOOD, link("b")], "link b: the name stands for two links; names should differ"),
     "comma": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" multiplier="0,6"/>')],
-              'joint j2: multiplier="0,6" of <mimic>; should be numbers, with points in them'),
+              'joint j2: multiplier="0,6" of <mimic>; should be a number, with points in th'),
     "offset in deg": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" offset="90"/>')],
                       "joint j2: follows j1 with an offset of 90 rad; should be at most a turn"),
     "number of a shape": ([*GOOD[:2], link("b", '<collision><geometry><sphere radius="1 cm"/>'
                                            "</geometry></collision>"), *GOOD[3:]],
-                          'link b: radius="1 cm" of <sphere>; should be numbers'),
+                          'link b: radius="1 cm" of <sphere>; should be a number'),
     "flat mesh": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="flat.obj"/>'
                                    "</geometry></collision>"), *GOOD[3:]],
                   "link b: mesh flat.obj: is so flat that only .*should be a box"),
@@ -77,6 +83,32 @@ BAD = {
               "joint j2: follows 'j9'; mimic should name"),
     "itself": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j2"/>')],
                "joint j2: follows itself"),
+    "one number": ([*GOOD[:4], joint("j2", "a", "b", at="0.035")],
+                   'joint j2: xyz="0.035" of <origin>; should be 3 numbers'),
+    "four numbers": ([*GOOD[:4], joint("j2", "a", "b", at="0 0 0.035 0.1")],
+                     'joint j2: xyz="0 0 0.035 0.1" of <origin>; should be 3 numbers'),
+    "axis of two": ([*GOOD[:4], joint("j2", "a", "b", axis="0 1")],
+                    'joint j2: xyz="0 1" of <axis>; should be 3 numbers'),
+    "two scales": (with_shape('<mesh filename="big.obj" scale="0.001 0.001"/>'),
+                   'link b: scale="0.001 0.001" of <mesh>; should be 1 or 3 numbers'),
+    "mesh without file": (with_shape("<mesh/>"), "link b: <mesh> without filename; should have it"),
+    "no radius": (with_shape("<sphere/>"),
+                  'link b: <sphere> without radius; should have it, as in <sphere radius="0.01">'),
+    "no shape": (with_shape(""), "link b: <geometry> with no shape; should have one of box, cyl"),
+    "capsule": (with_shape('<capsule radius="0.01" length="0.02"/>'),
+                "link b: <geometry> with a <capsule>; should have a cylinder and a sphere"),
+    "no geometry": ([*GOOD[:2], link("b", "<collision/>"), *GOOD[3:]],
+                    "link b: <collision> without geometry; should have a shape"),
+    "no name": ([*GOOD[:2], "<link/>", *GOOD[3:]], "link number 3: <link> without name; should"),
+    "long name": ([*GOOD[:4], joint("j" * 81, "a", "b")], "joint j*: its name has 81 characters"),
+    "line break": ([*GOOD[:4], joint("j&#10;2", "a", "b")], "joint number 2: its name has 3 char"),
+    "nan": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" multiplier="nan"/>')],
+            "joint j2: multiplier or offset of its mimic is not finite"),
+    "no end": ([*GOOD[:4], joint("j2", "a", "b", limit='<limit lower="0" upper="inf"/>')],
+               "joint j2: limits 0.0, inf; should be finite"),
+    "far frame": ([*GOOD, link("grasp_frame", ""),
+                   joint("f", "palm", "grasp_frame", kind="fixed", at="2.5 0 0")],
+                  "grasp_frame stands 2.5 m"),
     "still": ([link("palm"), link("a"), joint("j1", "palm", "a", kind="fixed")],
               "no moving joint beyond link palm; a hand should have a finger"),
 }
@@ -242,6 +274,12 @@ def test_a_file_says_all_of_its_hand(tmp_path: Path) -> None:
         file.write_text(hand_text(hand_named(name)))
         again = hand_from_file(file)
         assert hand_text(again) == file.read_text()
+
+
+def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "hand.toml"
+    file.write_bytes(b"\xef\xbb\xbf" + hand_text(hand_named("leap")).encode())
+    assert hand_from_file(file) == hand_named("leap")
 
 
 def test_the_command_writes_what_it_reads(tmp_path: Path,

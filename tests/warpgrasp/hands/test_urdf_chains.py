@@ -8,6 +8,7 @@ import pytest
 from chains import random_angles
 from urdf_parts import joint, link, robot
 
+from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, posture_angles
 from warpgrasp.hands.hand_writer import hand_text
@@ -151,3 +152,26 @@ def test_what_is_before_the_palm_may_slide_and_float(tmp_path: Path) -> None:
     assert finger_tips(model, np.zeros((1, 1))) == pytest.approx(np.array([[[0.01, 0.0, 0.03]]]))
     with pytest.raises(ValueError, match="joint rail: is prismatic; joints of a hand, beyond"):
         hand_from_urdf(file)
+
+
+def test_what_is_left_out_or_cannot_be_taken_is_said(tmp_path: Path,
+                                                     capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("yourdfpy")
+    file, out = tmp_path / "hand.urdf", tmp_path / "hand.toml"
+    file.write_text(robot([
+        *map(link, ["base", "palm", "a", "b", "other"]), link("grasp_frame", ""),
+        link("multiplier", ""), joint("wrist", "base", "palm"), joint("j1", "palm", "a"),
+        joint("j2", "a", "b"), joint("side", "base", "other", at="0.1 0 0"),
+        joint("f", "a", "grasp_frame", kind="fixed"),
+        joint("m", "b", "multiplier", kind="fixed", at="0 0 0.004")]))
+    model, notes = hand_from_urdf(file, palm="palm")
+    assert "link palm is the palm: joints beside it are left out: side" in notes
+    assert "link grasp_frame does not stand still on the palm: the frame is a guess" in notes
+    assert np.linalg.norm(model.fingers[0].tip_m) == pytest.approx(0.01)
+    assert "stiffness_Nm_rad = 2.0  # GUESS" in hand_text(model, guessed=True)
+    for options, said in (
+            (("--hold", "wrist=0"), "hold: there is no moving joint 'wrist' beyond link palm"),
+            (("--hold", "j1=0", "--hold", "j1=9"), "--hold: j1 twice; should be held at one"),
+            (("--tip", "other"), "tip: link other is not beyond the palm, link palm; should be")):
+        assert cli.run(["hand", str(file), "-o", str(out), "--palm", "palm", *options]) == 2
+        assert said in capsys.readouterr().err
