@@ -60,8 +60,10 @@ def _files(
         if "mesh" in table:
             body = body_from_table(table, Path())
             triangles = mesh_triangles(Path(table["mesh"]), units=table["units"])
-        else:
+        elif set(table) == {"name"}:
             body = body_from_name(str(table["name"]))
+        else:  # a member of a family
+            body = body_from_table(table, Path())
         solids, top = object_solids(body, triangles), body.high_m[2]
     if arm:
         carries = ArmTable(kind=arm)

@@ -8,6 +8,7 @@ same body always gives the same points.
 
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
+from itertools import product
 
 import numpy as np
 from scipy.spatial import KDTree
@@ -23,6 +24,7 @@ _EVEN = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 """Multiples of this spread evenly over the unit cube (Roberts 2018; a root of x^4 = x + 1)."""
 GROUP = 16
 _LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
+_ON_M = 1e-5  # points of the surface are so near to it
 _OUTSIDE_M = 2e-4
 
 
@@ -269,8 +271,12 @@ def body_lowered(body: Body) -> Body:
     for _ in range(6):
         d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
         on = on - d[0, :, None] * g[0]
-    d, _ = distance_to_bodies(scene, np.zeros(1, int), on[None])
-    on = on[np.abs(d[0]) < 1e-5]
+    d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
+    # Where a tool is flush with a face that it cuts away, the formula is zero beside no solid.
+    beside = [on - 2.0 * _ON_M * g[0], *(on + 2.0 * _ON_M * np.array(way)
+                                         for way in product((-1.0, 1.0), repeat=3))]
+    solid = distance_to_bodies(scene, np.zeros(len(beside), int), np.stack(beside))[0] < 0.0
+    on = on[(np.abs(d[0]) < _ON_M) & solid.any(axis=0)]
     low, high = on.min(0), on.max(0)
     shift = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     parts = tuple(

@@ -15,7 +15,6 @@ from itertools import combinations, product
 
 import numpy as np
 from scipy.spatial import ConvexHull
-from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import (
@@ -43,6 +42,8 @@ _DIGITS, _DIGITS_M3 = 9, 15
 """To which lengths [m] and volumes [m3] are compared."""
 _APART_M = 1e-6
 """Places that are nearer have no direction from one to the other."""
+_DIRECTIONS = 1000
+"""Of points on a ball whose hull is weighed: it is lighter by less than one percent."""
 _PLACES = 64
 """Places of a link whose directions are tried, at most: it would take long."""
 
@@ -196,9 +197,10 @@ def _points(shape: Shape) -> np.ndarray:
     """Points whose hull is about a shape: a box's corners, a capsule's surface."""
     if isinstance(shape, Box):
         return _corners(shape)
-    directions = Rotation.from_euler("ZY", [
-        (a, b) for a in np.linspace(0, 2 * np.pi, 16, endpoint=False)
-        for b in np.linspace(0, np.pi, 9)]).apply([0.0, 0.0, 1.0])
+    n = np.arange(_DIRECTIONS) + 0.5
+    z, turn = 1.0 - 2.0 * n / _DIRECTIONS, np.pi * (3.0 - np.sqrt(5.0)) * n  # a spiral
+    across = np.sqrt(1.0 - z**2)
+    directions = np.stack([across * np.cos(turn), across * np.sin(turn), z], 1)
     ends = np.array([shape.start, shape.end])
     return (ends[:, None] + shape.radius * directions).reshape(-1, 3)
 

@@ -23,7 +23,7 @@ from warpgrasp.hands.hand_model import (
     Shape,
 )
 from warpgrasp.hands.urdf_chains import Chains, finger_chains
-from warpgrasp.hands.urdf_shapes import shapes_of
+from warpgrasp.hands.urdf_shapes import shapes_of, with_capsules
 from warpgrasp.hands.urdf_tree import FRAME_LINK, UrdfJoint, UrdfTree, read_urdf
 from warpgrasp.parameters import HandTable
 
@@ -78,7 +78,7 @@ def hand_from_urdf(
                     for name, chain in zip(names, chains.fingers, strict=True))
     model = HandModel(
         tree.name, f"{file.name}, read by `warpgrasp hand`", "", STILL,
-        _rigid(tree, root, chains, np.eye(4)), fingers, "", "tendons", (), ())
+        _rigid(tree, root, chains), fingers, "", "tendons", (), ())
     where = [("palm", model.palm), *((f"joint {j.name}", j.shapes) for j in model.joints)]
     fits = tuple(f"{name}: a capsule stands for a mesh or cylinder, off by at most "
                  f"{shape.fit_error_m * 1e3:.2f} mm" for name, shapes in where
@@ -130,7 +130,7 @@ def _finger(
         made.append(HandJoint(
             joint.name, place_of(before @ joint.origin), (x, y, z), low, high,
             joint.effort_Nm, stiffness, chains.follows.get(joint.name),
-            _rigid(tree, joint.child, chains, np.eye(4))))
+            _rigid(tree, joint.child, chains)))
         before = np.eye(4)
     x, y, z = (float(v) for v in _tip(tree, chain[-1].child, made[-1], chains))
     return Finger(name, tuple(made), (x, y, z), (made[-1].name,))
@@ -144,13 +144,14 @@ def _still(joint: UrdfJoint, chains: Chains) -> np.ndarray:
     return joint.origin @ turn
 
 
-def _rigid(tree: UrdfTree, link: str, chains: Chains, frame: np.ndarray) -> tuple[Shape, ...]:
-    """Shapes of a link at `frame` (4, 4) and of all that stand still on it."""
-    shapes = list(shapes_of(tree.file, tree.links[link], frame))
-    for joint in tree.children(link):
-        if all(joint not in chain for chain in chains.fingers):
-            shapes += _rigid(tree, joint.child, chains, frame @ _still(joint, chains))
-    return tuple(shapes)
+def _rigid(tree: UrdfTree, link: str, chains: Chains) -> tuple[Shape, ...]:
+    """Shapes of a link and of all that stand still on it."""
+    bodies = [(link, np.eye(4))]
+    for name, frame in bodies:
+        bodies += [(joint.child, frame @ _still(joint, chains)) for joint in tree.children(name)
+                   if all(joint not in chain for chain in chains.fingers)]
+    return with_capsules([shape for name, frame in bodies
+                          for shape in shapes_of(tree.file, tree.links[name], frame)])
 
 
 def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarray:

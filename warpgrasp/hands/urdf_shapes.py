@@ -24,13 +24,14 @@ from warpgrasp.hands.hand_model import (
 _LEAST_M = 1e-6
 
 
-def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
-    """The shapes of a link, `frame` (4, 4) in the frame that they are wanted in.
+def shapes_of(file: Path, link: Any, frame: np.ndarray) -> list[tuple[Shape, Capsule | None]]:
+    """The shapes of a link, `frame` (4, 4) in the frame that they are wanted in; of a cylinder also
+    the capsule that it is with a ball at either end (`with_capsules`).
 
     Raises HandError for a shape without size and a mesh that is missing or flat.
     """
     found: list[Shape] = []
-    rods: dict[int, Capsule] = {}
+    rods: dict[int, Capsule] = {}  # by place in `found`
     for collision in link.collisions:
         geometry = collision.geometry
         where = f"{file}: link {link.name}"
@@ -65,14 +66,17 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> tuple[Shape, ...]:
                                 f"less than {MOST_SHAPE_M:g} m: a mesh in mm has "
                                 'scale="0.001 0.001 0.001"')
             found.append(_fitted(f"{where}: mesh {mesh.filename}", vertices, at))
-    return _with_capsules(found, rods)
+    return [(shape, rods.get(n)) for n, shape in enumerate(found)]
 
 
-def _with_capsules(shapes: list[Shape], rods: dict[int, Capsule]) -> tuple[Shape, ...]:
-    """The shapes of a link, with `rods` in place of those of its cylinders that have balls as thick
-    at both ends, and without these balls: URDF has no capsule."""
+def with_capsules(found: list[tuple[Shape, Capsule | None]]) -> tuple[Shape, ...]:
+    """The shapes of links that are one body, with capsules in place of those of their cylinders
+    that have balls as thick at both ends, and without these balls: URDF has no capsule."""
+    shapes = [shape for shape, _ in found]
     caps: set[int] = set()
-    for n, rod in rods.items():
+    for n, (_, rod) in enumerate(found):
+        if rod is None:
+            continue
         own = [{k for k, shape in enumerate(shapes) if _is_ball(shape, end, rod.radius)}
                for end in (rod.start, rod.end)]
         if all(own):

@@ -112,13 +112,15 @@ def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
 def profile_from_csv(path: Path) -> np.ndarray:
     """A radius profile, (z, r) [m], shape (point, 2), from columns z_mm, r_mm; # starts a comment.
 
-    Raises BodyError naming the line: z must rise, r must not be negative, two points at least.
+    Rows below and above the body, whose radii are 0, are left out. Raises BodyError naming the
+    line: z must rise, r must not be negative, two points at least.
     """
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise BodyError(f"{path}: cannot be read: {error}") from None
     rows: list[tuple[float, float]] = []
+    numbers: list[int] = []
     header_seen = False
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith("#"):
@@ -142,9 +144,17 @@ def profile_from_csv(path: Path) -> np.ndarray:
         if rows and z <= rows[-1][0]:
             raise BodyError(f"{path}:{number}: z_mm {z:g} after {rows[-1][0]:g}: z must rise")
         rows.append((z, r))
+        numbers.append(number)
     if len(rows) < 2 or max(r for _, r in rows) <= 0.0:
         raise BodyError(f"{path}: a profile wants two points at least, and a positive radius")
     profile = np.asarray(rows) / 1000.0
+    solid = (profile[1:, 1] > 0.0) | (profile[:-1, 1] > 0.0)  # between a row and the next
+    first, last = np.flatnonzero(solid)[[0, -1]]
+    if not solid[first:last].all():
+        line = numbers[int(first + np.argmin(solid[first:last])) + 1]
+        raise BodyError(f"{path}:{line}: r_mm is 0 here and in the row before: what is above is "
+                        "not joined to what is below")
+    profile = profile[first:last + 2]
     profile[:, 0] -= profile[0, 0]
     return profile
 

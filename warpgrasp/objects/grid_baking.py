@@ -14,7 +14,7 @@ Distance = Callable[[np.ndarray], np.ndarray]
 """Signed distances [m], (n,), of points (n, 3) [m]."""
 NODES = 96
 """Along the longest side."""
-_VERSION = 5
+_VERSION = 6
 _VOLUME_POINTS = 32_768
 _VOLUME_SHARE = 0.1
 """Of its volume that a body may lose or gain."""

@@ -21,6 +21,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
+_FOLDED_RAD, _FOLD_M2 = 1e-3, 1e-6  # slivers of scans fold, too, and are not felt
 _MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
 
 
@@ -130,9 +131,26 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     low, high = vertices.min(0), vertices.max(0)
     vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
     try:
-        return vertices, outward_faces(vertices, np.asarray(mesh.faces))
+        faces = outward_faces(vertices, np.asarray(mesh.faces))
     except BodyError as error:
         raise BodyError(f"{path}: {error}") from None
+    _check_folds(path, vertices, faces)
+    return vertices, faces
+
+
+def _check_folds(path: Path, vertices_m: np.ndarray, faces: np.ndarray) -> None:
+    """Refuse faces that are folded back on the next one, with nothing between them: so readers
+    cut polygons with a hollow corner, which then are felt where the body is not."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(vertices_m, faces, process=False)
+    area = mesh.area_faces[mesh.face_adjacency].min(axis=1)
+    folded = (mesh.face_adjacency_angles > np.pi - _FOLDED_RAD) & (area > _FOLD_M2)
+    if folded.any():
+        raise BodyError(f"{path}: {int(folded.sum())} faces are folded back on the one beside "
+                        "them, as readers cut polygons with a hollow corner: make triangles of "
+                        "polygons first (Blender 'Triangulate Faces', MeshLab 'Turn into a "
+                        "Pure-Triangular mesh')")
 
 
 def _check_closed(path: Path, edges: np.ndarray) -> None:

@@ -16,6 +16,11 @@ def test_hand_and_object(tmp_path, capsys, name: str) -> None:
     assert (tmp_path / "hand_object_0.obj").exists() == (name == "hand.urdf")
 
 
+def test_a_member_of_a_family(tmp_path) -> None:
+    assert run(["export", str(tmp_path / "hand.xml"), "--object", "hammer-1"]) == 0
+    assert "object" in (tmp_path / "hand.xml").read_text()
+
+
 def test_the_whole_robot(tmp_path) -> None:
     assert run(["export", str(tmp_path / "robot.xml"), "--arm"]) == 0
     joints = list(ET.parse(tmp_path / "robot.xml").getroot().iter("joint"))

@@ -332,6 +332,19 @@ def test_a_hand_that_is_read_again_takes_no_options_of_a_urdf(
     assert not file.with_suffix(".png").exists()
 
 
+def test_a_capsule_may_be_said_by_links_that_are_one_body(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    rod = ('<collision><geometry><cylinder radius="0.01" length="0.04"/></geometry></collision>')
+    file.write_text(robot([*GOOD[:2], link("b", rod), *GOOD[3:], link("c"), link("d"),
+                           joint("f", "b", "c", kind="fixed", at="0 0 0.02"),
+                           joint("g", "c", "d", kind="fixed", at="0 0 -0.04")]))
+    found, = hand_from_urdf(file)[0].joints[-1].shapes
+    assert isinstance(found, Capsule)
+    assert (found.radius, found.fit_error_m) == (0.01, 0.0)
+    assert found.end[2] - found.start[2] == pytest.approx(0.04)
+
+
 def test_a_flat_cylinder_is_a_box_of_its_area(tmp_path: Path) -> None:
     """The nearest capsule to a plate is a ball as wide as it: a palm of 4 mm was one of 69."""
     pytest.importorskip("yourdfpy")

@@ -13,7 +13,7 @@ from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape, vector_of
 from warpgrasp.hands.hand_writer import hand_text
-from warpgrasp.hands.touch_shapes import touch_model
+from warpgrasp.hands.touch_shapes import bulk_of, touch_model
 
 
 def box(at: tuple[float, float, float], size: tuple[float, float, float], turn_y: float = 0.0
@@ -71,6 +71,18 @@ def test_a_link_in_another_frame_has_the_same_skin(name: str) -> None:
             assert again[:, at] == pytest.approx(plain[:, at] @ frame[:3, :3].T + frame[:3, 3],
                                                  abs=1e-9)
         assert again[:, 6] == pytest.approx(plain[:, 6])
+
+
+@pytest.mark.parametrize("name", LINKS)
+def test_a_link_in_another_frame_weighs_as_much(name: str) -> None:
+    plain = bulk_of(LINKS[name]).volume_m3
+    for turn in Rotation.random(5, rng=2):
+        frame = np.eye(4)
+        frame[:3, :3] = turn.as_matrix()
+        again = bulk_of(tuple(moved(shape, frame) for shape in LINKS[name]))
+        assert again.volume_m3 == pytest.approx(plain, rel=2e-3)
+    row = bulk_of(LINKS["five balls in a row"]).volume_m3
+    assert row == pytest.approx(np.pi * 0.006**2 * (0.048 + 4 / 3 * 0.006), rel=6e-3)
 
 
 def test_balls_in_a_row_are_one_capsule() -> None:

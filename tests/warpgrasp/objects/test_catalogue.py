@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from warpgrasp.geometry.body import BodyError
+from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_table, profile_from_csv
 
 EGG = {"size_mm": [30, 30, 40], "exponents": [1, 1]}
@@ -78,6 +78,39 @@ def test_the_limits_of_size_themselves(part: dict[str, Any]) -> None:
 def test_profiles_name_the_number_that_is_wrong(tmp_path: Path, rows: str, says: str) -> None:
     with pytest.raises(BodyError, match=says):
         profile_from_csv(profile_file(tmp_path, rows))
+
+
+@pytest.mark.parametrize("rows", ["0,0\n50,0\n50.001,30\n100,30", "0,30\n50,30\n50.001,0\n90,0"])
+def test_radii_of_zero_below_and_above_a_body_are_left_out(tmp_path: Path, rows: str) -> None:
+    """It floated on a needle that was touched."""
+    (tmp_path / "p.csv").write_text(f"z_mm,r_mm\n{rows}\n")
+    body = body_from_table({"profile": "p.csv"}, tmp_path)
+    assert body.low_m[2] == 0.0
+    assert body.high_m[2] == pytest.approx(0.05, abs=1e-5)
+
+
+def test_lobes_that_nothing_joins_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "p.csv").write_text("z_mm,r_mm\n0,30\n50,0\n90,0\n100,30\n")
+    with pytest.raises(BodyError, match=r"p\.csv:4: r_mm is 0 here and in the row before"):
+        body_from_table({"profile": "p.csv"}, tmp_path)
+
+
+@pytest.mark.parametrize(("at_mm", "size_mm"), [
+    ([0, 0, -50], [60, 80, 50]), ([0, 0, 50], [60, 80, 50]), ([30, 0, 0], [30, 80, 100]),
+    ([0, -40, 0], [60, 40, 100])])
+def test_a_tool_that_is_flush_with_a_face_leaves_nothing_of_it(
+        at_mm: list[float], size_mm: list[float]) -> None:
+    """The formula is zero on the face that was cut away; the body floated, or lay off the axis."""
+    block = {"shape": "block", "size_mm": [60, 80, 100]}
+    body = body_from_table({"name": "half", "compound": [
+        block, block | {"join": "difference", "at_mm": at_mm}]}, Path())
+    size = 1e3 * np.subtract(body.high_m, body.low_m)
+    assert size == pytest.approx(size_mm, abs=0.05)
+    assert body.low_m[2] == 0.0
+    assert np.add(body.low_m, body.high_m)[:2] == pytest.approx(0.0, abs=1e-9)
+    inside, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int),
+                                   np.array([[[0.0, 0.0, 1e-3]]]))
+    assert inside[0, 0] == pytest.approx(-1e-3, abs=3e-5)
 
 
 def test_a_profile_as_excel_writes_it(tmp_path: Path) -> None:
