@@ -131,15 +131,16 @@ def seen_prior(
         box, whole = see_box(robot, target, table)
         assert isinstance(drawn, BoundingBox)
         return or_drawn(box, whole, drawn), np.where(
-            whole, "", "object.prior depth: the object is not whole in the image; a larger "
-            "stereo.field_of_view_deg or distance_mm would show it").astype(object)
+            whole, "", "object.prior depth: the object is not seen whole in the image; a larger "
+            "stereo.field_of_view_deg or distance_mm shows a large one, smaller ones a small one"
+            ).astype(object)
     seen, whole = see_cylinder(robot, target, table)
     cylinder = BoundingCylinder(*(
         np.where(whole, new, old) for new, old in (
             (seen.x_m, drawn.x_m), (seen.y_m, drawn.y_m),
             (np.maximum(seen.radius_m, LEAST_RADIUS_M), drawn.radius_m),
             (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))), margin_m=drawn.margin_m)
-    why = np.where(whole, "", "object.prior silhouettes: the object is not whole in both images; "
-                   "a larger stereo.field_of_view_deg or distance_mm would show it, and fewer "
-                   "stereo.clutter leave it by itself")
+    why = np.where(whole, "", "object.prior silhouettes: the object is not seen whole in both "
+                   "images; a larger stereo.field_of_view_deg or distance_mm shows a large one, "
+                   "smaller ones a small one, and fewer stereo.clutter leave it by itself")
     return cylinder, why.astype(object)

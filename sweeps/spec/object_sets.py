@@ -43,7 +43,8 @@ def expanded(value: Any, path: KeyPath, base_dir: Path, problems: Problems) -> I
         count = _pose_count(table, base_dir) if number == EACH else 0
         for k in range(1, count + 1) if count else (number if number != EACH else 1,):
             yield table | {"stable_pose": k} | (
-                {} if named and not count else {"name": pose_name(_name_of(table), k)})
+                {"name": pose_name(name, k)} if (name := _name_of(table)) and not (
+                    named and not count) else {})
 
 
 def pose_name(name: str, number: int) -> str:
@@ -145,7 +146,8 @@ def _meshes(value: Mapping[str, Any], path: KeyPath, base_dir: Path,
     try:
         # Beside the spec that a study keeps lie copies of other files, too.
         files = kept_matching(pattern, base_dir) or sorted(
-            f for f in root.glob(str(whole.relative_to(whole.anchor))) if f.is_file())
+            f for f in root.glob(str(whole.relative_to(whole.anchor)))
+            if f.is_file() and not f.name.startswith("."))
     except (ValueError, OSError, NotImplementedError) as error:
         problems.add((*path, "meshes"), f"is {short(pattern)}; is no pattern of files: {error}")
         return

@@ -14,6 +14,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
+from warpgrasp.geometry.scene import Join
 from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
 _LOG2_POINTS = 18
@@ -272,11 +273,14 @@ def body_lowered(body: Body) -> Body:
         d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
         on = on - d[0, :, None] * g[0]
     d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
-    # Where a tool is flush with a face that it cuts away, the formula is zero beside no solid.
-    beside = [on - 2.0 * _ON_M * g[0], *(on + 2.0 * _ON_M * np.array(way)
-                                         for way in product((-1.0, 1.0), repeat=3))]
-    solid = distance_to_bodies(scene, np.zeros(len(beside), int), np.stack(beside))[0] < 0.0
-    on = on[(np.abs(d[0]) < _ON_M) & solid.any(axis=0)]
+    is_on = np.abs(d[0]) < _ON_M
+    if any(part.join != Join.UNION for part in body.parts):
+        # Where a tool is flush with a face that it cuts away, the formula is zero beside no solid.
+        beside = [on - 2.0 * _ON_M * g[0], *(on + 2.0 * _ON_M * np.array(way)
+                                             for way in product((-1.0, 1.0), repeat=3))]
+        solid = distance_to_bodies(scene, np.zeros(len(beside), int), np.stack(beside))[0] < 0.0
+        is_on &= solid.any(axis=0)
+    on = on[is_on]
     low, high = on.min(0), on.max(0)
     shift = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])
     parts = tuple(

@@ -101,7 +101,7 @@ def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
         place = (0.0, 0.0, a3, 0.0, 0.0, 0.0, 1.0)
         return _body(name, (Part(Shape.SUPERQUADRIC, place=place,
                                  superquadric=part.superquadric),), "superquadric",
-                     on_table=part.superquadric[7] > 0.0)
+                     on_table=any(part.superquadric[5:8]))
     parts = table["compound"]
     if not isinstance(parts, list) or not 0 < len(parts) <= _LARGEST_COMPOUND:
         raise BodyError(f"{name}: compound wants a list of 1 to {_LARGEST_COMPOUND} tables")
@@ -308,11 +308,11 @@ def _part_box(part: Part) -> tuple[tuple[float, ...], tuple[float, ...]]:
         return (-r, -r, 0.0), (r, r, top)
     if part.shape == Shape.SUPERQUADRIC:
         a1, a2, a3, _, _, kx, ky, bend, _ = part.superquadric
-        reach = max(a1 * (1 + abs(kx)), a2 * (1 + abs(ky)))
+        x, y, top = a1 * (1 + abs(kx)), a2 * (1 + abs(ky)), a3
         if bend > 0.0:
-            reach = (a3**2 + reach**2) ** 0.5 + reach
-        top = a3 + (reach if bend > 0.0 else 0.0)
-        return (-reach, -reach, -top), (reach, reach, top)
+            reach = (a3**2 + max(x, y)**2) ** 0.5 + max(x, y)
+            x, y, top = reach, reach, a3 + reach
+        return (-x, -y, -top), (x, y, top)
     x, y, z = part.size_m
     if part.shape in (Shape.BLOCK, Shape.WEDGE):
         return (-x / 2, -y / 2, 0.0), (x / 2, y / 2, z)

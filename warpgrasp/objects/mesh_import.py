@@ -104,8 +104,8 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
-        raise BodyError(f"{path}: not a mesh that can be read ({reason}); "
-                        "STL, OBJ, PLY and OFF files are") from None
+        raise BodyError(f"{path}: not a mesh that can be read ({reason}); STL, OBJ, PLY and OFF "
+                        "files are, the last of triangles and quads") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
     if len(mesh.faces) > LARGEST_FACE_COUNT:
@@ -116,9 +116,11 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         raise BodyError(f"{path}: vertex {number} is not a finite number: "
                         f"{mesh.vertices[number].tolist()}; remove it and close the hole")
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
-    mesh.update_faces(mesh.nondegenerate_faces())
+    # Three corners on a line close a T-junction; a face that names one twice closes nothing.
+    a, b, c = np.asarray(mesh.faces).T
+    mesh.update_faces((a != b) & (b != c) & (c != a))
     mesh.remove_unreferenced_vertices()
-    if len(mesh.faces) == 0:
+    if not mesh.nondegenerate_faces().any():
         raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
     longest = float(mesh.extents.max()) * UNITS_M[units]
     if not can_be_explored(longest):

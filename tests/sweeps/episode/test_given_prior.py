@@ -95,7 +95,7 @@ def test_cameras_see_the_cylinder_that_is_there(name: str) -> None:
 
 def test_an_object_that_is_not_whole_in_the_images_is_told() -> None:
     prior, why, _ = seen_of("wine_bottle", field_of_view_rad=0.1)
-    assert all("not whole in both images" in text for text in why)
+    assert all("not seen whole in both images" in text for text in why)
     assert np.isfinite(prior.radius_m).all()
 
 

@@ -47,6 +47,7 @@ def test_meshes_by_a_pattern(tmp_path: Path) -> None:
     (tmp_path / "scans").mkdir()
     for name, radius in (("one", 0.03), ("two", 0.04)):
         trimesh.creation.icosphere(3, radius).export(tmp_path / "scans" / f"{name}.ply")
+    (tmp_path / "scans/._one.ply").write_text("as macOS leaves them")
     assert read([{"meshes": "scans/*.ply", "units": "m"}], tmp_path) == (["one", "two"], [])
     assert read([{"meshes": f"{tmp_path}/scans/o*.ply", "units": "m"}])[0] == ["one"]
     assert any("units" in text for text in read([{"meshes": "scans/*.ply"}], tmp_path)[1])
@@ -60,6 +61,13 @@ def test_objects_lie_in_stable_poses() -> None:
     assert read([{"family": "box", "count": 1, "stable_pose": 1}])[0] == ["box-0-pose-1"]
     assert object_of_argument("block", None, 2) == {
         "object": "block", "name": "block-pose-2", "stable_pose": 2}
+
+
+def test_a_pose_is_no_name() -> None:
+    block = {"shape": "block", "size_mm": [60, 60, 60]}
+    names, said = read([{"compound": [block], "stable_pose": 1}])
+    assert names == []
+    assert any("name" in text for text in said)
 
 
 def test_the_number_of_a_pose_is_not_cut_off_a_long_name() -> None:

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
+from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.body_baking import distance_falls_short, touched_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of
@@ -116,5 +117,23 @@ def test_thin_walls_are_kept_by_finer_nodes_or_refused() -> None:
     assert thin.parts[0].grid_cell_m < 1.2e-3
     inside = np.array([[[0.0, 0.039, 0.02]]])
     assert distance_to_bodies(scene_of([thin], "cpu"), np.zeros(1, int), inside)[0] < 0.0
-    with pytest.raises(BodyError, match=r"made: it has superquadrics or cuts.*thicken its walls"):
+    with pytest.raises(BodyError, match=r"made: it has superquadrics or cuts.*thicken them"):
         touched_body(plate(0.4))
+
+
+@pytest.mark.parametrize("radius_mm", [1.0, 2.0])
+def test_a_thin_rod_beside_a_cut_is_there_to_be_touched(
+        radius_mm: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The mesh of which distances are baked had lost it: its own surface was 68 mm away."""
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path))
+    body = body_from_table({"name": "aerial", "compound": [
+        {"shape": "block", "size_mm": [60, 60, 60]},
+        {"shape": "cylinder", "radius_mm": radius_mm, "height_mm": 200, "at_mm": [20, 0, 0]},
+        {"shape": "cylinder", "radius_mm": 10, "height_mm": 20, "at_mm": [0, 0, 50],
+         "join": "difference"}]}, Path())
+    touched = touched_body(body)
+    surface = sample_body(body, surface=1024)
+    beside = surface.surface_m[surface.surface_m[:, 2] > 0.08]
+    assert len(beside) > 20
+    off, _ = distance_to_bodies(scene_of([touched], "cpu"), np.zeros(1, int), beside[None])
+    assert np.abs(off).max() < 1.5e-3

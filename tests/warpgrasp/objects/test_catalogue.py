@@ -95,6 +95,15 @@ def test_lobes_that_nothing_joins_are_refused(tmp_path: Path) -> None:
         body_from_table({"profile": "p.csv"}, tmp_path)
 
 
+def test_a_tapered_superquadric_has_its_own_box(tmp_path: Path) -> None:
+    """It was that of the untapered one times the taper, on both sides."""
+    table = {"size_mm": [20, 60, 30], "exponents": [1, 1], "taper": [0.0, 0.9]}
+    alone = body_from_table({"name": "a", "superquadric": table}, tmp_path)
+    part = body_from_table({"name": "a", "compound": [table | {"shape": "superquadric"}]}, tmp_path)
+    assert alone.high_m == pytest.approx(part.high_m, abs=1e-5)
+    assert alone.high_m[1] < 0.08
+
+
 @pytest.mark.parametrize(("at_mm", "size_mm"), [
     ([0, 0, -50], [60, 80, 50]), ([0, 0, 50], [60, 80, 50]), ([30, 0, 0], [30, 80, 100]),
     ([0, -40, 0], [60, 40, 100])])

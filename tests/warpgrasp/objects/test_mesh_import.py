@@ -82,23 +82,37 @@ def test_an_open_mesh_says_what_is_open_and_how_to_mend_it(tmp_path: Path) -> No
 
 @pytest.mark.parametrize("first", range(6))
 def test_polygons_with_a_hollow_corner_are_no_lids(tmp_path: Path, first: int) -> None:
-    """An L-shaped prism as Blender writes it: cut into a fan, its caps bridged the notch where the
-    fan begins at another than two of the corners."""
+    """An L-shaped prism as Blender writes it: cut into a fan, its caps bridged the notch, but where
+    the fan begins at the hollow corner or the one across."""
     corners = [(-40, -40), (40, -40), (40, -20), (-20, -20), (-20, 40), (-40, 40)]
     corners = corners[first:] + corners[:first]
-    faces = [[6, 5, 4, 3, 2, 1], [7, 8, 9, 10, 11, 12],
+    faces = [[1, 6, 5, 4, 3, 2], [7, 8, 9, 10, 11, 12],
              *([i + 1, (i + 1) % 6 + 1, (i + 1) % 6 + 7, i + 7] for i in range(6))]
     (tmp_path / "l.obj").write_text("".join(
         f"v {x} {y} {z}\n" for z in (0, 60) for x, y in corners) + "".join(
         f"f {' '.join(map(str, face))}\n" for face in faces))
-    try:
-        body = body_from_mesh(tmp_path / "l.obj", units="mm")
-    except BodyError as error:
-        assert "polygons with a hollow corner" in str(error)
+    if first not in (0, 3):
+        with pytest.raises(BodyError, match="polygons with a hollow corner"):
+            body_from_mesh(tmp_path / "l.obj", units="mm")
         return
+    body = body_from_mesh(tmp_path / "l.obj", units="mm")
     above, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int),
                                   np.array([[[0.0, 0.0, 0.06]]]))
     assert above[0, 0] == pytest.approx(0.02, abs=5e-4)
+
+
+def test_a_corner_on_an_edge_is_no_hole(tmp_path: Path) -> None:
+    """A face without area closes it, as CAD programs write."""
+    box = trimesh.creation.box((60, 80, 60))
+    (a, b, c), n = box.faces[0], len(box.vertices)
+    middle = (box.vertices[a] + box.vertices[b]) / 2
+    mesh = trimesh.Trimesh(np.vstack([box.vertices, middle]), np.vstack(
+        [box.faces[1:], [a, n, c], [n, b, c], [a, b, n]]), process=False)
+    mesh.export(tmp_path / "t.obj")
+    body = body_from_mesh(tmp_path / "t.obj", units="mm")
+    found, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int),
+                                  np.array([[[0.0, 0.0, 0.08], [0.045, 0.0, 0.03]]]))
+    assert found[0] == pytest.approx([0.02, 0.015], abs=3e-4)
 
 
 def test_faces_that_are_there_twice_are_no_holes(tmp_path: Path) -> None:
