@@ -102,6 +102,8 @@ def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], 
         return
     if value is of.default or (isinstance(value, np.ndarray) and value.ndim):
         return
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.item()
     for kind, wanted in ((bool, "True or False"), (str, "a text")):
         if isinstance(of.default, kind) and not isinstance(value, kind):
             raise ValueError(f"{table}: {word} is {value!r}; should be {wanted}")

@@ -112,5 +112,5 @@ def places_on_field(
         **dict.fromkeys((*given, *found), "world point")}, {
         "field": field, "hand": hand.hand, "place_sigma": place_sigma_m,
         "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
-        "normal_variance": normal_sigma_m**2, **given, **found}, device=device)
+        "normal_variance": normal_sigma_m**2, **given, **found}, device=device, heavy=True)
     return FieldPlaces(*(values.numpy() for values in found.values()))

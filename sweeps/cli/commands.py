@@ -17,7 +17,7 @@ from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.progress import Progress, read_note
-from sweeps.run.race_record import open_sweep, read_race_note
+from sweeps.run.race_record import RACE_NOTE, open_sweep, read_race_note
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes, plan_of
 from sweeps.run.worker import EPISODES
@@ -177,11 +177,13 @@ def _sweep_counts(plan: Plan, store: Store) -> Counts:
 def _race_counts(store: Store, notes: Sequence[dict[str, Any]]) -> Counts | None:
     """How far a race is, which knows the units of its rung alone; None of a sweep."""
     found = read_race_note(store.logs)
-    if found is None:
+    if found is None and not (store.logs / RACE_NOTE).exists():
         return None
+    state = (race_state(found, bool(notes)) if found is not None
+             else f"not known: logs/{RACE_NOTE} cannot be read")
     failed = sum(1 for _ in store.logs.glob("*.failed.log"))
     left = sum(note["total"] - note["past"] for note in notes) if notes else None
-    return ({"race": race_state(found, bool(notes)), "units": None, "done": _count_files(store),
+    return ({"race": state, "units": None, "done": _count_files(store),
              "failed": failed}, left, None)
 
 

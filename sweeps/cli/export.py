@@ -50,8 +50,6 @@ def _files(
         model = (hand_from_file(Path(hand_word)) if hand_word.endswith(".toml")
                  else hand_named(hand_word))
     solids, top = [], 0.0
-    if units is not None and what is None:
-        raise StoreError("--units: is of the mesh file of an --object; name one")
     if what is not None:
         table = object_of_argument(what, units)
         if units is not None and "mesh" not in table:

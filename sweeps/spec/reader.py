@@ -148,7 +148,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
             check_swept_reconstruct([point[axis.keys.index(KEY)] for point in axis.values],
                                     problems.at_swept(KEY), problems)
     search = read_search(values.get("search"), strategies, axes, problems)
-    _check_searched(search, base_dir, problems)
+    _check_searched(search, values.get("search"), base_dir, problems)
     study = Study(head, objects, strategies, tables, axes, search, base_dir)
     if (spanned := max(study.cell_count, study.setting_count)) > CELL_LIMIT:
         problems.add(("sweep",), f"spans {spanned:,} cells; the limit is {CELL_LIMIT:,}")
@@ -168,10 +168,13 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     return study
 
 
-def _check_searched(search: Search | None, base_dir: FilePath, problems: Problems) -> None:
-    """Notes what a search names and there is not: hands, arms, what stands for the body."""
+def _check_searched(search: Search | None, table: Any, base_dir: FilePath, problems: Problems
+                    ) -> None:
+    """Notes what a search names and there is not: hands, arms, what stands for the body. `table` is
+    the spec's, where a hand or an arm may stand under its word."""
     for factor in search.factors if search else ():
-        path = ("search", factor.key)
+        path = ("search", next((word for word, key in WORDS.items()
+                                if key == factor.key and word in table), factor.key))
         for key, read in _KINDS:
             for name in factor.choices if factor.key == key else ():
                 if name.endswith(".toml"):

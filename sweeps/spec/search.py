@@ -114,6 +114,8 @@ def read_search(table: Any, strategies: Sequence[Strategy], axes: Iterable[Axis]
             problems.add(place, f"unknown key {short(key)}; {choose(key, readers)}")
         elif key in swept:
             problems.add(place, f"{key} is swept already in [sweep]")
+        elif any(key == factor.key for factor in factors):
+            problems.add(place, f"{key} is a factor already")
         elif factor := _factor(key, value, factors, readers, place, problems):
             factors.append(factor)
     if not factors and len(problems.found) == before:
@@ -211,6 +213,7 @@ def _when(given: Any, earlier: Sequence[Factor], path: KeyPath, problems: Proble
         problems.add((*path, "when"), f"is {short(given)}; should name values of factors above, "
                      'such as { "strategy.count" = [4, 5] }')
         return ()
+    given = {WORDS.get(key, key): values for key, values in given.items()}
     for key in given:
         if key not in known:
             problems.add((*path, "when"), f"{short(key)} is no factor above this one; "

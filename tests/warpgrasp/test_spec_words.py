@@ -76,6 +76,12 @@ def test_what_may_be_missing_may_be() -> None:
     assert ObjectTable(yaw_rad=None).yaw_rad is None
 
 
+def test_numbers_of_numpy_are_numbers() -> None:
+    assert FitTable(taper=np.True_).taper  # type: ignore[arg-type]
+    assert HandTable(link_density_kg_m3=np.array(1000.0)).link_density_kg_m3 == 1000.0  # type: ignore[arg-type]
+    assert SensorTable(tension_readings=np.int64(3)).tension_readings == 3  # type: ignore[arg-type]
+
+
 def test_errors_and_their_scale_may_go_beyond_the_bounds_of_each() -> None:
     """A spec takes both; what they come to is no value of a spec's."""
     largest = {f.name: f.metadata["high"] for f in fields(ErrorTable)}

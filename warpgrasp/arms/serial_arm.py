@@ -97,7 +97,7 @@ def joint_choices(model: ArmModel, flange: np.ndarray, *, starts: int = STARTS,
     launch(come_kernel, {"pose": len(flange), "start": starts},
            {"flange": "pose", "near": "pose", "q": "pose start"}, {
         "arm": serial_of(model), "flange": array_of(flange, transform, device),
-        "near": array_of(home, vec7, device), "q": out}, device=device)
+        "near": array_of(home, vec7, device), "q": out}, device=device, heavy=True)
     return _unpadded(out.numpy(), model)
 
 

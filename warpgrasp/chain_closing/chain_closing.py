@@ -116,14 +116,14 @@ def close_chains(
         "ended": ended.array})
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
-        launch_in_turn(extents, [closing], device=device)
+        launch_in_turn(extents, [closing], device=device, heavy=True)
         resolve_meetings(hand, felt.numpy()["status"][..., 0],
                          *_slack(hand, table, contact, errors, commands.shape, commands.tobytes(),
                                  device),
                          given | counts | {"come": come, "ended": ended.array}, rubs, device)
-        launch_in_turn(extents, [reading], device=device)
+        launch_in_turn(extents, [reading], device=device, heavy=True)
     else:
-        launch_in_turn(extents, [closing, reading], device=device)
+        launch_in_turn(extents, [closing, reading], device=device, heavy=True)
     row, true, width = felt.numpy(), truth.numpy(), hand.width
     return (ChainClosing(
                 row["status"], row["step"], row["q"][..., :width],

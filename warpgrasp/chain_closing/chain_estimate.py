@@ -78,7 +78,7 @@ def estimate_chain_contacts(
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
         "arm_share": errors.moment_arm_share,
         "hand_pose": wp.array(np.ascontiguousarray(believed_pose), dtype=transform, device=device),
-        **given, **out}, device=device)
+        **given, **out}, device=device, heavy=True)
     found = {name: values.numpy().copy() for name, values in out.items()}
     most = max(len(own) for own in hand.capsules)
     return ChainEstimate(

@@ -87,7 +87,8 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
               "place": wp.array(place.astype(np.int32), dtype=wp.vec3i, device=device)}
     # Here worlds are no axis of the launch: their number is stated by an array that has them all.
     launch(kernel, {"row": n}, _SHAPES,
-           {a.label: values[a.label] for a in kernel.adj.args if a.label in values}, device=device)
+           {a.label: values[a.label] for a in kernel.adj.args if a.label in values}, device=device,
+           heavy=True)
     return found.numpy()
 
 

@@ -49,7 +49,8 @@ def chain_self_contacts(
         "hand_pose": array_of(believed_pose, transform, device),
         "status": array_of(closing.status, int, device),
         "q": array_of(padded(read), vec6, device), "step": array_of(closing.step, int, device),
-        "path": array_of(padded(commands_rad), vec6, device), "misfit": misfit}, device=device)
+        "path": array_of(padded(commands_rad), vec6, device), "misfit": misfit}, device=device,
+        heavy=True)
     return np.asarray(misfit.numpy() < MISFIT)
 
 

@@ -153,11 +153,11 @@ def close_fingers(
         near = wp.empty(dims[:3], dtype=int, device=device)
         meeting = {"mount": hand.mount_length_m, "near": near}
         launch_in_turn(extents, [closing, (near_kernel, _SHAPES, _named(
-            near_kernel, given | steps | meeting))], device=device)
+            near_kernel, given | steps | meeting))], device=device, heavy=True)
         _resolve(near.numpy(), given | steps | meeting, contact.friction > 0.0, device)
-        launch_in_turn(extents, [reading], device=device)
+        launch_in_turn(extents, [reading], device=device, heavy=True)
     else:
-        launch_in_turn(extents, [closing, reading], device=device)
+        launch_in_turn(extents, [closing, reading], device=device, heavy=True)
     row = felt.numpy()
     true = truth.numpy()
     return (Closing(row["status"], row["step"], row["q"], row["tension"], row["difference"]),
@@ -186,5 +186,5 @@ def _resolve(near: np.ndarray, given: dict[str, Any], rubs: bool, device: str) -
     launch(meeting_kernel, {"row": n}, shapes, _named(meeting_kernel, given | {
         "place": wp.array(place, dtype=wp.vec3i, device=device), "state": state.array,
         "meetings": meetings.array, "frictions": frictions.array,
-        "grips": grips.array}), device=device)
+        "grips": grips.array}), device=device, heavy=True)
 

@@ -108,7 +108,7 @@ def estimate_contacts(
         "moving": put(moving_senses(closing, commands_rad), vec4), "point": point,
         "covariance": covariance, "normal": normal, "link_out": link,
         "link_weight": link_weight, **joints, **torques},
-        device=device)
+        device=device, heavy=True)
     assert fingers == FINGER_COUNT
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
                            normal.numpy().copy(), link.numpy().copy(), link_weight.numpy().copy(),

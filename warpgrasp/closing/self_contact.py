@@ -63,6 +63,6 @@ def self_contacts(
         "status": array_of(closing.status, int, device),
         "q": array_of(closing.q_rad, vec4, device), "step": array_of(closing.step, int, device),
         "commands": wp.array(commands_rad, dtype=real, device=device), "misfit": misfit},
-        device=device)
+        device=device, heavy=True)
     assert dims[-1] == FINGER_COUNT
     return np.asarray(misfit.numpy() < MISFIT)

@@ -21,7 +21,8 @@ import warp as wp
 from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
 
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
-_SMALLEST_SLICE = 512  # threads; below, starting a Python thread costs more than it saves
+_SMALLEST_SLICE = 512  # rows; below, starting a Python thread costs more than it saves
+_SMALLEST_HEAVY = 16  # of rows that take some 10 microseconds each, as a closing
 _SLICES = 16  # for each thread
 GPU_BLOCK = 64
 """Threads of a block on a GPU. Rows differ in cost, and a block holds its place until its last row
@@ -67,14 +68,16 @@ def launch(
     arguments: Mapping[str, Any],
     *,
     device: str,
+    heavy: bool = False,
 ) -> None:
     """Run `kernel` over the product of `extents` (first axis sliced over the cores on a CPU).
 
     `shapes` gives each array argument's shape in words: a name of `extents` or any other name
     (bound at first sight, then held), a number, or `name?` for an axis that may also be 1 (shared
-    by all). Raises ShapeError naming the argument, what it is and what it should be.
+    by all). Of a `heavy` kernel, whose rows take microseconds, few are worth a thread. Raises
+    ShapeError naming the argument, what it is and what it should be.
     """
-    launch_in_turn(extents, [(kernel, shapes, arguments)], device=device)
+    launch_in_turn(extents, [(kernel, shapes, arguments)], device=device, heavy=heavy)
 
 
 def launch_in_turn(
@@ -82,6 +85,7 @@ def launch_in_turn(
     steps: Sequence[tuple[Any, Mapping[str, str], Mapping[str, Any]]],
     *,
     device: str,
+    heavy: bool = False,
 ) -> None:
     """`launch` several kernels, each step (kernel, shapes, arguments) after the one before it.
 
@@ -94,7 +98,7 @@ def launch_in_turn(
     new = {kernel.module.name for kernel, _ in checked} - _launched
     for module in sorted(new):
         check_kernels(module)
-    _run(checked, tuple(extents.values()), device)
+    _run(checked, tuple(extents.values()), device, heavy)
     for module in sorted(new):
         seal_kernels(module)
     _launched.update(new)
@@ -151,12 +155,13 @@ def _check_shape(
 
 
 def _run(
-    steps: Sequence[tuple[Any, list[Any]]], dim: tuple[int, ...], device: str
+    steps: Sequence[tuple[Any, list[Any]]], dim: tuple[int, ...], device: str, heavy: bool
 ) -> None:
     global _pool
     rows, total = dim[0], prod(dim)
     # More slices than threads: rows differ in cost, and a thread that is done takes the next.
-    slices = min(_SLICES * _thread_count, rows, total // _SMALLEST_SLICE)
+    slices = min(_SLICES * _thread_count, rows,
+                 total // (_SMALLEST_HEAVY if heavy else _SMALLEST_SLICE))
     on_cpu = wp.get_device(device).is_cpu
     if _thread_count == 1 or slices < 2 or not on_cpu:
         for kernel, ordered in steps:

@@ -31,7 +31,7 @@ _WORDS = (("thumb", r"thumb|(^|_)th($|[^a-z])"), ("index", r"index|(^|_)ff"),
           ("middle", r"middle|(^|_)mf"), ("ring", r"ring|(^|_)rf"),
           ("little", r"little|pinky|(^|_)lf"))
 """Names of fingers, and how their links and joints are called."""
-_TIP = r"tip(?![a-z])"
+_TIP = r"tip(s|link|frame)?(?![a-z])"
 """In the name of a link that is a finger's tip, but not in "multiplier"."""
 FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
 """What is said where it is no guess."""

@@ -24,6 +24,9 @@ _NUMBERS = {"origin": ("xyz", "rpy"), "axis": ("xyz",), "mimic": ("multiplier", 
             "mass": ("value",), "inertia": ("ixx", "ixy", "ixz", "iyy", "iyz", "izz"),
             "dynamics": ("damping", "friction")}
 """Elements of links and joints, and which of their attributes are numbers."""
+_READ = ("visual", "collision", "inertial", "origin", "axis", "limit", "mimic", "parent", "child",
+         "dynamics")
+"""Elements within them that are read; others are of other programs."""
 _COUNTS = {"xyz": (3,), "rpy": (3,), "size": (3,), "scale": (1, 3)}
 """How many numbers an attribute has, if not one."""
 _SAMPLES = {"robot": {"name": "my_hand"}, "link": {"name": "palm"},
@@ -148,7 +151,8 @@ def _parsed(file: Path) -> Any:
             where = f"{file}: {kind} {name if name.isprintable() and name else f'number {n}'}"
             if kind == "joint" and None in (element.find("parent"), element.find("child")):
                 raise HandError(f"{where}: has no parent or no child; should have both")
-            for part in element.iter():
+            _check_element(where, element)
+            for part in (inner for own in element if own.tag in _READ for inner in own.iter()):
                 _check_element(where, part)
     try:
         with np.errstate(all="ignore"):  # numbers that are not finite are refused later, by name
@@ -161,7 +165,7 @@ def _parsed(file: Path) -> Any:
 def _check_element(where: str, part: ET.Element) -> None:
     """Raises HandError where an attribute is missing, or is not the numbers that it should be."""
     for key in (sample := _SAMPLES.get(part.tag, {})):
-        if not part.get(key):
+        if part.get(key) is None or not (part.get(key) or part.tag == "robot"):
             like = " ".join(f'{k}="{v}"' for k, v in sample.items())
             raise HandError(f"{where}: <{part.tag}> without {key}; should have it, as in "
                             f"<{part.tag} {like}>")

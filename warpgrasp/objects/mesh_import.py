@@ -149,10 +149,10 @@ def _check_folds(path: Path, vertices_m: np.ndarray, faces: np.ndarray) -> None:
     area = mesh.area_faces[mesh.face_adjacency].min(axis=1)
     folded = (mesh.face_adjacency_angles > np.pi - _FOLDED_RAD) & (area > _FOLD_M2)
     if folded.any():
-        raise BodyError(f"{path}: {int(folded.sum())} faces are folded back on the one beside "
-                        "them, as readers cut polygons with a hollow corner: make triangles of "
-                        "polygons first (Blender 'Triangulate Faces', MeshLab 'Turn into a "
-                        "Pure-Triangular mesh')")
+        raise BodyError(f"{path}: faces folded back on the one beside them, with nothing between: "
+                        f"{int(folded.sum())}. So readers cut polygons with a hollow corner: make "
+                        "triangles of polygons first (Blender 'Triangulate Faces', MeshLab 'Turn "
+                        "into a Pure-Triangular mesh'); blunt edges as sharp as a blade's")
 
 
 def _check_closed(path: Path, edges: np.ndarray) -> None:

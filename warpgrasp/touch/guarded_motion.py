@@ -188,7 +188,7 @@ def guarded_line(
         "begins": begins.array,
         "finger": move.finger, "commands": commands, "swing": swing * robot.reach_m,
         "checked": int(move.checked), "near_bits": near_bits, "image": images,
-        "ends": ends.array}, device=device)
+        "ends": ends.array}, device=device, heavy=True)
     end, image = ends.numpy(), images.numpy().copy()
     gone = end["made"] * move.interval_m * speed
     touch = LineTouch(

@@ -65,7 +65,7 @@ def test_help_and_completion_know_every_kind() -> None:
     ("watch DIR --terminal --open", "--open: is of the page"),
     ("validate --only puma --poses 5", "--poses: is for closing"),
     ("report DIR -o r.html --no-views --workers 2", "--workers: is for views"),
-    ("export h.xml --units mm", "--units: is of the mesh file of an --object"),
+    ("export h.xml --units mm", "--units: says how large a mesh is; should stand beside --object"),
     ("export h.xml --object block --units mm", "--units: is of a mesh file; block is none"),
     ("explore block --units mm -o x", "--units: is of a mesh file; block is none"),
     ("learn block --units mm -o m.json", "--units: is of mesh files, and none is named"),

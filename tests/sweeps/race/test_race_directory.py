@@ -93,6 +93,8 @@ def test_a_race_whose_note_is_damaged_is_no_sweep(tmp_path: Path,
     assert answers(out) == {3}
     assert run("rows", out, "-o", tmp_path / "rows.csv") == 3
     assert "race.json should say how the race" in capsys.readouterr().err
+    assert cli.run(["status", str(out)]) == 0
+    assert "not known: logs/race.json cannot be read" in capsys.readouterr().out
     assert race(spec, out) == 0
     assert note.read_bytes() == whole
 

@@ -240,7 +240,11 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ('"contact.friction" = { low = 0, high = 1, when = { "strategy.count" = [99] } }',
      "strategy.count is never 99"),
     ('"hand.kind" = ["utah_mit", "nope"]', "no hand 'nope'"),
-    ('"hand" = ["utah_mit", "nope"]', "no hand 'nope'"),
+    ('hand = ["utah_mit", "nope"]', "search.hand: no hand 'nope'"),
+    ('hand = ["utah_mit", "leap"]\n"hand.kind" = ["allegro"]', "hand.kind is a factor already"),
+    ('hand = ["utah_mit", "leap"]\n'
+     '"contact.friction" = { low = 0, high = 1, when = { hand = ["allegro"] } }',
+     "hand.kind is never 'allegro'"),
     ('"hand.kind" = ["utah_mit", "mine.toml"]', "a search proposes those that ship"),
     ('"arm.kind" = ["puma560", "nope"]', "no arm 'nope'"),
     ('"fit.reconstruct" = ["chosen", "nonsense"]', "fit.reconstruct: is 'nonsense'"),

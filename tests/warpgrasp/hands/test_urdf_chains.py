@@ -34,11 +34,24 @@ def test_rows_of_followers_lead_to_the_driven_joint(tmp_path: Path) -> None:
     assert np.allclose(driven_angles(model, q), np.hstack([q, 0.5 * q + 0.1, q - 0.1]))
 
 
-def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path) -> None:
+def test_what_is_for_other_programs_is_not_read(tmp_path: Path) -> None:
     pytest.importorskip("yourdfpy")
     file = tmp_path / "hand.urdf"
-    names = ["arm", "palm", "a", "a_tip", "b"]
-    tip = joint("weld", "a", "a_tip", kind="fixed", limit="")
+    others = ('<gazebo><sensor name=""><geometry><plane/></geometry></sensor></gazebo>'
+              '<self_collision_checking><geometry><capsule radius="1 cm"/></geometry>'
+              '</self_collision_checking>')
+    file.write_text(robot([link("palm"), link("a").replace("</link>", others + "</link>"),
+                           joint("j1", "palm", "a")]))
+    model, _ = hand_from_urdf(file)
+    assert [j.name for j in model.driven] == ["j1"]
+
+
+@pytest.mark.parametrize("tip_link", ["a_tip", "a_TipLink", "tipFrame", "tips", "a_tip_link"])
+def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path, tip_link: str) -> None:
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    names = ["arm", "palm", "a", tip_link, "b"]
+    tip = joint("weld", "a", tip_link, kind="fixed", limit="")
     file.write_text(robot([
         *map(link, names), joint("wrist", "arm", "palm"), joint("j1", "palm", "a"), tip,
         joint("j2", "palm", "b")]))
@@ -46,7 +59,7 @@ def test_joints_that_move_several_fingers_are_held_and_said(tmp_path: Path) -> N
     assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
     assert any("wrist moves several fingers: it is held at 0 deg" in note for note in notes)
     assert model.fingers[0].tip_m == (0.0, 0.0, 0.03)  # the link that is called a tip
-    alone, notes = hand_from_urdf(file, palm="palm", tips=["a_tip"])
+    alone, notes = hand_from_urdf(file, palm="palm", tips=[tip_link])
     assert [[j.name for j in f.joints] for f in alone.fingers] == [["j1"]]
     assert any("j2 is in no finger" in note for note in notes)
 
