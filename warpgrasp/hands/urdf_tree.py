@@ -165,7 +165,8 @@ def _parsed(file: Path) -> Any:
 def _check_element(where: str, part: ET.Element) -> None:
     """Raises HandError where an attribute is missing, or is not the numbers that it should be."""
     for key in (sample := _SAMPLES.get(part.tag, {})):
-        if part.get(key) is None or not (part.get(key) or part.tag == "robot"):
+        value = part.get(key)
+        if value is None or (value == "" and part.tag != "robot"):  # a robot may have no name
             like = " ".join(f'{k}="{v}"' for k, v in sample.items())
             raise HandError(f"{where}: <{part.tag}> without {key}; should have it, as in "
                             f"<{part.tag} {like}>")

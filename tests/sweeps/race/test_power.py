@@ -35,7 +35,7 @@ def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between:
 
 
 def test_an_object_without_scores_tells_nothing(tmp_path: Path) -> None:
-    """The spread is of the others; it was told as nan."""
+    """The spread is of the others; it was printed as nan."""
     def without_block(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
         rows = rows_of(cell, episodes, device)
         lost = cell.object_name == "block"
