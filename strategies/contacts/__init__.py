@@ -10,6 +10,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "felt": ["Felt"], "volume_spread": ["FeltBy", "VolumeSigns", "interval_trusted"],
     "finger_touch": ["TouchedLinks", "joined_links", "links_of_touches", "no_links",
         "touched_links"],
-    "placing_hands": ["told_by_torques"], "placing_posterior": ["world_radius"],
+    "placing_hands": ["told_by_torques"],
     "shared_errors": ["shared_shifts", "shared_vectors"],
 })

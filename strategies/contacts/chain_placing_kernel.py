@@ -6,6 +6,7 @@ import warp as wp
 from strategies.contacts.link_places import ChainAt
 from strategies.contacts.placing_posterior import (
     FieldAt,
+    Tried,
     placed_contact,
     write_field,
     write_stations,
@@ -47,6 +48,7 @@ def chain_station_kernel(
 def chain_field_kernel(
     first: int,
     # Bodies in:
+    has_lanes: wp.bool,
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     # Links in:
@@ -65,7 +67,7 @@ def chain_field_kernel(
     if not kept[w, i]:
         return
     f = _chain_at(hand[0, finger[w, i]], hand_pose[w, i], q[w, i])
-    write_field(f, f.hand, link_weight[w, i], shape[w], pose[w], w, i, field)
+    write_field(f, f.hand, link_weight[w, i], shape[w], pose[w], has_lanes, w, i, field)
 
 
 @wp.kernel(enable_backward=False)
@@ -83,8 +85,8 @@ def chain_placing_kernel(
     torque_sigma: wp.array2d[vec6],
     link_weight: wp.array2d[vec6],
     lean: wp.array2d[real],
+    tried: Tried,
     place_sigma: real,
-    turn_sigma: real,
     farthest: real,
     normal_variance: real,
     # Contacts out:
@@ -114,7 +116,7 @@ def chain_placing_kernel(
         root[d] = ONE / torque_sigma[w, i][d]
     found = placed_contact(
         f, f.hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i], vec12(), lean[w, i],
-        believed, place_sigma, turn_sigma, farthest, normal_variance)
+        believed, tried, place_sigma, farthest, normal_variance)
     point[w, i] = found.point
     covariance[w, i] = found.covariance
     normal[w, i] = found.normal

@@ -8,9 +8,17 @@ from jaxtyping import Bool, Float
 
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing_hands import placing_hand
-from strategies.contacts.placing_posterior import STATIONS, UNLIKELY
+from strategies.contacts.placing_posterior import (
+    AROUND,
+    CAP,
+    STATIONS,
+    UNLIKELY,
+    WIDEST,
+    Tried,
+)
 from warpgrasp.core.dtypes import mat33, real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.lanes import has_lanes
 
 LEAST_SLOPE, STEEPEST = 0.5, 1.5
 """Slopes of a process that its values are divided by to be distances [est]."""
@@ -28,6 +36,16 @@ class FieldPlaces:
     """Probability of the link that bears each; 0 where none can."""
     misfit: Float[np.ndarray, "world point"]
     """Chi-square of torques and body there."""
+
+
+def directions_tried(turn_sigma_rad: float) -> np.ndarray:
+    """`placing_posterior.Tried.direction`, (direction, 3)."""
+    around = turn_sigma_rad * np.linspace(-WIDEST, WIDEST, AROUND)
+    cap = turn_sigma_rad * np.linspace(-WIDEST, WIDEST, CAP)
+    about = np.stack(np.broadcast_arrays(1.0, cap[:, None], cap), -1).reshape(-1, 3)
+    return np.concatenate([
+        np.stack([np.cos(around), np.sin(around), np.zeros(AROUND)], 1),
+        about / np.linalg.norm(about, axis=1, keepdims=True)])
 
 
 def link_stations(links: TouchedLinks, *, device: str = "cpu"
@@ -85,7 +103,8 @@ def superquadric_field(
     launch(hand.superquadric_field, {"world": asked.shape[0], "point": asked.shape[1]}, {
         **hand.shapes, "shape": "world", "pose": "world",
         "field": f"world point {hand.links * STATIONS}", **dict.fromkeys(given, "world point")}, {
-        "shape": shape, "pose": pose, "hand": hand.hand, **given, "field": field}, device=device)
+        "has_lanes": has_lanes(device), "shape": shape, "pose": pose, "hand": hand.hand,
+        **given, "field": field}, device=device)
     return field
 
 
@@ -107,10 +126,14 @@ def places_on_field(
     given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
              **hand.torques(links, device), **hand.weights(links, device),
              "lean": array_of(lean_share * links.friction, real, device)}
+    tried = Tried()
+    tried.direction = array_of(directions_tried(turn_sigma_rad), vec3, device)
+    tried.turn_sigma = turn_sigma_rad
+    tried.has_lanes = wp.bool(has_lanes(device))
     launch(hand.placing, {"world": asked.shape[0], "point": asked.shape[1]}, {
         **hand.shapes, "field": f"world point {hand.links * STATIONS}",
         **dict.fromkeys((*given, *found), "world point")}, {
-        "field": field, "hand": hand.hand, "place_sigma": place_sigma_m,
-        "turn_sigma": turn_sigma_rad, "farthest": farthest_m,
+        "field": field, "hand": hand.hand, "tried": tried,
+        "place_sigma": place_sigma_m, "farthest": farthest_m,
         "normal_variance": normal_sigma_m**2, **given, **found}, device=device, heavy=True)
     return FieldPlaces(*(values.numpy() for values in found.values()))

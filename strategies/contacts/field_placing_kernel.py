@@ -9,6 +9,7 @@ import warp as wp
 
 from strategies.contacts.placing_posterior import (
     FieldAt,
+    Tried,
     placed_contact,
     write_field,
     write_stations,
@@ -42,6 +43,7 @@ def station_kernel(
 def superquadric_field_kernel(
     first: int,
     # Bodies in:
+    has_lanes: wp.bool,
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     # Links in:
@@ -61,7 +63,7 @@ def superquadric_field_kernel(
         return
     f = finger_pose(hand, wp.transform_multiply(
         hand_pose[w, i], finger_base(hand, finger[w, i])), q[w, i])
-    write_field(f, hand, link_weight[w, i], shape[w], pose[w], w, i, field)
+    write_field(f, hand, link_weight[w, i], shape[w], pose[w], has_lanes, w, i, field)
 
 
 @wp.kernel(enable_backward=False)
@@ -79,8 +81,8 @@ def field_placing_kernel(
     torque_sigma: wp.array2d[vec4],
     link_weight: wp.array2d[vec3],
     lean: wp.array2d[real],
+    tried: Tried,
     place_sigma: real,
-    turn_sigma: real,
     farthest: real,
     normal_variance: real,
     # Contacts out:
@@ -110,7 +112,7 @@ def field_placing_kernel(
     root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
     found = placed_contact(
         f, hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i],
-        vec3(-WORST, -WORST, -WORST), lean[w, i], believed, place_sigma, turn_sigma, farthest,
+        vec3(-WORST, -WORST, -WORST), lean[w, i], believed, tried, place_sigma, farthest,
         normal_variance)
     point[w, i] = found.point
     covariance[w, i] = found.covariance

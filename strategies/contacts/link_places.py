@@ -11,10 +11,11 @@ from warpgrasp.chain.chain_kernel import (
     ChainPose,
     chain_capsule,
     chain_jacobian,
+    chain_turning,
     link_place,
     link_turn,
 )
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec3
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec3, vec4
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
@@ -75,6 +76,24 @@ def jacobian_at(f: FingerPose, link: int, x: vec3, d: vec3):
 def jacobian_at(f: ChainAt, link: int, x: vec3, d: vec3):  # noqa: F811
     """Motion along `d` of the point `x` of a capsule per radian of each drive."""
     return chain_jacobian(f.hand, f.pose, chain_capsule(f.hand, link).joint, x, d)
+
+
+@wp.func
+def turning_at(f: FingerPose, link: int, d: vec3):
+    """Turning about `d` of a link per radian a joint."""
+    bent = wp.dot(f.side, d)
+    j = vec4(wp.dot(f.abduct, d), bent, ZERO, ZERO)
+    if link >= 1:
+        j[2] = bent
+    if link >= 2:
+        j[3] = bent
+    return j
+
+
+@wp.func
+def turning_at(f: ChainAt, link: int, d: vec3):  # noqa: F811
+    """Turning about `d` of a capsule per radian of each drive."""
+    return chain_turning(f.hand, f.pose, chain_capsule(f.hand, link).joint, d)
 
 
 @wp.func

@@ -14,6 +14,7 @@ from typing import Any
 
 import warp as wp
 
+from strategies.contacts.directions_lanes import directions_in_lanes
 from strategies.contacts.link_places import (
     cell_square,
     direction_at,
@@ -24,8 +25,10 @@ from strategies.contacts.link_places import (
     radius_of,
     round_end,
     start_at,
+    turning_at,
 )
 from strategies.contacts.placing_sums import (
+    LEVEL,
     NEGLIGIBLE,
     WORST,
     Around,
@@ -46,8 +49,8 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
-from warpgrasp.core.turns import sine_cosine
-from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, superquadric_deformed_gauge
+from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
+from warpgrasp.geometry.superquadric_gauges import gauges_at
 
 ALONG = 12
 """Places along a link's axis."""
@@ -68,18 +71,11 @@ _WIDEST = wp.constant(real(WIDEST))
 _AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
 _CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
 _TINY = wp.constant(real(1e-300))
+_LEVEL = wp.constant(real(LEVEL))
 _FLAT = wp.constant(real(1e-9))
 _LEAST_SLOPE = wp.constant(real(1e-3))
 UNLIKELY = wp.constant(real(1e-3))
 _BESIDE = wp.constant(real(2e-3))  # [m] how well a body tells which of two capsules is nearer [est]
-
-
-@wp.func
-def world_radius(p: vec3, shape: SuperquadricShape, pose: transform):
-    """Gradient and value of the scaled radius of a body at a point of the world."""
-    g = superquadric_deformed_gauge(wp.transform_point(wp.transform_inverse(pose), p), shape)
-    turned = wp.quat_rotate(wp.transform_get_rotation(pose), vec3(g[0], g[1], g[2]))
-    return vec4(turned[0], turned[1], turned[2], g[3])
 
 
 @struct
@@ -92,39 +88,48 @@ class FieldAt:
     point: int
 
 
-@wp.func
-def body_at(p: vec3, shape: SuperquadricShape, pose: transform):
-    """Outward normal and first-order signed distance of a superquadric at a point [m]; no normal
-    where it has no gradient."""
-    g = world_radius(p, shape, pose)
-    slope = wp.length(vec3(g[0], g[1], g[2]))
-    n = vec3(g[0], g[1], g[2]) / slope
-    away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
-    if wp.isfinite(away):
-        return vec4(n[0], n[1], n[2], away)
-    return vec4(ZERO, ZERO, ZERO, ONE)
+@struct
+class Tried:
+    """The directions tried about the body's normal."""
+
+    direction: wp.array[vec3]
+    """Those around a link, then those about a tip: how much of the middle direction, of the one
+    across it and of that over it."""
+    turn_sigma: real
+    """How well the body predicts the direction of its surface [rad]."""
+    has_lanes: wp.bool
+    """Whether the processor's vectors sum them up."""
 
 
 @wp.func
 def _unexplained(
-    f: Any, link: int, x: vec3, d: vec3, radius: real, lean: real, felt: Any, root: Any,
-    total: real
+    by_x: Any, by_y: Any, by_z: Any, turn_x: Any, turn_y: Any, turn_z: Any, along: vec3, d: vec3,
+    radius: real, lean: real, felt: Any
 ):
-    """What the best push along -d at x leaves of the torques: chi-square, and one over how much
-    wider a force that leans makes their spread. `lean` is the deviation of its lean."""
-    j = wp.cw_mul(jacobian_at(f, link, x, d), root)
+    """What the best push along -d leaves of the torques: chi-square, and one over how much wider a
+    force that leans makes their spread.
+
+    `by_x` to `turn_z` are the motion of a place of the axis along x, y and z and its turning about
+    them, per radian of each joint and in deviations of the torques; `along` points along the link,
+    `lean` is the deviation of the force's lean.
+    """
+    total = wp.dot(felt, felt)
+    j = by_x * d[0] + by_y * d[1] + by_z * d[2]
     size = wp.max(wp.dot(j, j), _TINY)
     push = wp.max(wp.dot(j, felt), ZERO)
     if lean == ZERO:
         return vec2(total - push * push / size, ONE)
     # Spread of the torques: one, and that of a force along the surface both ways, for the push
     # that explains most without it.
-    one = wp.cross(direction_at(f, link), d)
+    one = wp.cross(along, d)
     one *= ONE / wp.max(wp.length(one), _TINY)
     two = wp.cross(d, one)
-    skin = x + d * radius
-    a = wp.cw_mul(jacobian_at(f, link, skin, one), root) * (lean * push / size)
-    b = wp.cw_mul(jacobian_at(f, link, skin, two), root) * (lean * push / size)
+    # At the skin, a radius off the axis.
+    leans = lean * push / size
+    a = (by_x * one[0] + by_y * one[1] + by_z * one[2]
+         + (turn_x * two[0] + turn_y * two[1] + turn_z * two[2]) * radius) * leans
+    b = (by_x * two[0] + by_y * two[1] + by_z * two[2]
+         - (turn_x * one[0] + turn_y * one[1] + turn_z * one[2]) * radius) * leans
     aa = ONE + wp.dot(a, a)
     bb = ONE + wp.dot(b, b)
     ab = wp.dot(a, b)
@@ -162,38 +167,58 @@ def write_stations(f: Any, hand: Any, world: int, point: int, station: wp.array3
 
 @wp.func
 def write_field(
-    f: Any, hand: Any, link_weight: Any, shape: SuperquadricShape, pose: transform, world: int,
-    point: int, field: wp.array3d[vec4]
+    f: Any, hand: Any, link_weight: Any, shape: SuperquadricShape, pose: transform, has_lanes: bool,
+    world: int, point: int, field: wp.array3d[vec4]
 ):
-    """A superquadric at the stations that a contact is looked for at."""
+    """A superquadric at the stations that a contact is looked for at: outward normal and
+    first-order signed distance [m]; no normal where it has no gradient."""
     for link in range(links_of(hand)):
         if link_weight[joint_of(hand, link)] >= UNLIKELY:
             a = start_at(f, link)
             u = direction_at(f, link)
-            for k in range(_ALONG + wp.min(round_end(hand, link), 1)):
-                field[world, point, link * _STATIONS + k] = body_at(
-                    a + u * station_along(k, length_of(hand, link)), shape, pose)
+            first = link * _STATIONS
+            stations = _ALONG + wp.min(round_end(hand, link), 1)
+            for k in range(stations):
+                x = a + u * station_along(k, length_of(hand, link))
+                field[world, point, first + k] = vec4(x[0], x[1], x[2], ZERO)
+            gauges_at(shape, pose, has_lanes, field, world, point, first, stations)
+            for k in range(stations):
+                g = field[world, point, first + k]
+                slope = wp.length(vec3(g[0], g[1], g[2]))
+                away = (g[3] - ONE) / wp.max(slope, _LEAST_SLOPE)
+                if wp.isfinite(away):
+                    field[world, point, first + k] = vec4(
+                        g[0] / slope, g[1] / slope, g[2] / slope, away)
+                else:
+                    field[world, point, first + k] = vec4(ZERO, ZERO, ZERO, ONE)
 
 
 @wp.func(inline=False)
 def places_of_link(
     f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
-    believed: FieldAt, place_sigma: real, turn_sigma: real, farthest: real
+    believed: FieldAt, tried: Tried, place_sigma: real, farthest: real
 ):
     """The posterior over the places of one link; with `ends` 1 it has a round tip, with 2 it is a
     ball."""
     post = Place()
     post.least = WORST
     post.alone_least = WORST
-    total = wp.dot(felt, felt)
     a = start_at(f, link)
     u = direction_at(f, link)
-    sharp = ONE / (turn_sigma * turn_sigma)
+    # Of its start, and of each metre along it.
+    start_x = wp.cw_mul(jacobian_at(f, link, a, vec3(ONE, ZERO, ZERO)), root)
+    start_y = wp.cw_mul(jacobian_at(f, link, a, vec3(ZERO, ONE, ZERO)), root)
+    start_z = wp.cw_mul(jacobian_at(f, link, a, vec3(ZERO, ZERO, ONE)), root)
+    turn_x = wp.cw_mul(turning_at(f, link, vec3(ONE, ZERO, ZERO)), root)
+    turn_y = wp.cw_mul(turning_at(f, link, vec3(ZERO, ONE, ZERO)), root)
+    turn_z = wp.cw_mul(turning_at(f, link, vec3(ZERO, ZERO, ONE)), root)
+    grow_x = turn_y * u[2] - turn_z * u[1]
+    grow_y = turn_z * u[0] - turn_x * u[2]
+    grow_z = turn_x * u[1] - turn_y * u[0]
     stations = _ALONG + wp.min(ends, 1)
     for k in range(stations):
         tip = k == _ALONG
         along = station_along(k, length)
-        x = a + u * along
         body = believed.stations[believed.world, believed.point, link * _STATIONS + k]
         towards = -vec3(body[0], body[1], body[2])
         inwards = wp.dot(towards, u)
@@ -202,32 +227,43 @@ def places_of_link(
             middle = towards - u * wp.where(ends == 2, ZERO, wp.min(inwards, ZERO))
         if wp.length(middle) > _FLAT:
             middle = wp.normalize(middle)
-            e1 = wp.normalize(wp.cross(u, middle))
-            e2 = wp.cross(middle, e1)
-            miss = wp.min(wp.abs(body[3] - radius), farthest) / place_sigma
+            across = wp.normalize(wp.cross(u, middle))
+            over = wp.cross(middle, across)
+            by_x = start_x + grow_x * along
+            by_y = start_y + grow_y * along
+            by_z = start_z + grow_z * along
+            begin = int(0)
+            end = int(_AROUND)
+            area = radius * length * _STEP * _AROUND_STEP * tried.turn_sigma
+            if tip:
+                begin = int(_AROUND)
+                end = int(_AROUND + _CAP * _CAP)
+                area = radius * radius * _CAP_STEP * _CAP_STEP * tried.turn_sigma * tried.turn_sigma
+            all_around = not tip or ends == 2
+            sharp = ONE / (tried.turn_sigma * tried.turn_sigma)
             here = Around()
             here.least = WORST
-            area = radius * length * _STEP * _AROUND_STEP * turn_sigma
-            if tip:
-                area = radius * radius * _CAP_STEP * _CAP_STEP * turn_sigma * turn_sigma
-                for i in range(_CAP):
-                    for j in range(_CAP):
-                        p = (real(i) * _CAP_STEP - _WIDEST) * turn_sigma
-                        q = (real(j) * _CAP_STEP - _WIDEST) * turn_sigma
-                        d = wp.normalize(middle + e1 * p + e2 * q)
-                        if wp.dot(d, u) >= ZERO or ends == 2:
-                            off = wp.length_sq(d - towards) * sharp
-                            chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                            here = with_direction(here, d, chi[0] + off, chi[1])
+            if tried.has_lanes:
+                sums = directions_in_lanes(
+                    by_x, by_y, by_z, turn_x, turn_y, turn_z, felt, tried.direction, begin, end,
+                    all_around, middle, across, over, u, towards, radius, lean, sharp)
+                here.least = sums[0]
+                here.weight = sums[1]
+                here.outward = vec3(sums[2], sums[3], sums[4])
+                here.most = sums[5]
+                here.misfit = sums[6]
             else:
-                for i in range(_AROUND):
-                    turn = sine_cosine((real(i) * _AROUND_STEP - _WIDEST) * turn_sigma)
-                    d = middle * turn[1] + e1 * turn[0]
-                    off = wp.length_sq(d - towards) * sharp
-                    chi = _unexplained(f, link, x, d, radius, lean, felt, root, total)
-                    here = with_direction(here, d, chi[0] + off, chi[1])
+                for n in range(begin, end):
+                    share = tried.direction[n]
+                    d = middle * share[0] + across * share[1] + over * share[2]
+                    if all_around or wp.dot(d, u) >= -_LEVEL:
+                        off = wp.length_sq(d - towards) * sharp
+                        chi = _unexplained(by_x, by_y, by_z, turn_x, turn_y, turn_z, u, d, radius,
+                                           lean, felt)
+                        here = with_direction(here, d, chi[0] + off, chi[1])
             if here.weight > ZERO:
-                post = with_place(post, here, x, along, area, miss * miss)
+                miss = wp.min(wp.abs(body[3] - radius), farthest) / place_sigma
+                post = with_place(post, here, a + u * along, along, area, miss * miss)
     return post
 
 
@@ -268,7 +304,7 @@ def _behind(hand: Any, link: int, believed: FieldAt):
 @wp.func(inline=False)
 def placed_contact(
     f: Any, hand: Any, felt: Any, root: Any, link_weight: Any, logs: Any, lean: real,
-    believed: FieldAt, place_sigma: real, turn_sigma: real, farthest: real, normal_variance: real
+    believed: FieldAt, tried: Tried, place_sigma: real, farthest: real, normal_variance: real
 ):
     """The likeliest place of a contact of a finger. `felt` are its torques in units of their
     deviations, `root` one over these; `logs` has room for a number a link."""
@@ -283,7 +319,7 @@ def placed_contact(
         if link_weight[joint_of(hand, link)] >= UNLIKELY:
             post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
                                   radius_of(hand, link), lean, felt, root, believed,
-                                  place_sigma, turn_sigma, farthest)
+                                  tried, place_sigma, farthest)
             if post.weight > ZERO:
                 # Of capsules side by side the one behind cannot have touched.
                 behind = wp.min(_behind(hand, link, believed), farthest) / _BESIDE

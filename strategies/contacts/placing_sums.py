@@ -13,6 +13,12 @@ WORST = wp.constant(real(1e12))
 NEGLIGIBLE = wp.constant(real(60.0))
 """What lies so far in chi-square above the smallest does not count."""
 
+MOST_DIRECTIONS = 32
+"""That are summed up at one place."""
+LEVEL = 1e-9
+"""A direction of a tip that leans back by less is level with its rim, and counts: a fifth of them
+are, but for rounding."""
+
 
 @struct
 class Around:

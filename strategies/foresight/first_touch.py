@@ -11,6 +11,7 @@ from strategies.procedures.containment import padded_commands
 from strategies.recovery.body_distances import bodies_on
 from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.lanes import has_lanes
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.hand_capsules import HandCapsules, capsules_of_hand
 from warpgrasp.parameters import HandTable
@@ -46,10 +47,10 @@ def first_touches(
     def there(values: np.ndarray, dtype: type) -> wp.array:
         return array_of(values, dtype, device)
 
-    given = {"shape": shape, "pose": pose, "hand_pose": there(hand_pose, transform),
-             "base": there(capsules.base, transform), "links": links,
-             "link_count": there(capsules.count, int), "radius": there(capsules.radius_m, real),
-             "free": free}
+    given = {"has_lanes": has_lanes(device), "shape": shape, "pose": pose,
+             "hand_pose": there(hand_pose, transform), "base": there(capsules.base, transform),
+             "links": links, "link_count": there(capsules.count, int),
+             "radius": there(capsules.radius_m, real), "free": free}
     launch(approach_kernel, extents, _SHAPES, {
         **given, "wanted": there(wanted, wp.bool), "bar": there(capsules.bars_m, vec3),
         "bar_radius": there(capsules.bar_radius_m, real)}, device=device)

@@ -5,11 +5,17 @@ A hand is capsules: of its fingers' links at every command, of its palm, and of 
 (`SweptLink`). Free motion alone: a finger follows its commands until a link touches body or table,
 and rests there. Steps are skipped while a bound of the distance exceeds what the link can have
 moved (conservative advancement), from coarse to fine: the box around the body first, whose distance
-costs no powers, then five places along the link against the body itself.
+costs no powers, then places along the link against the body itself.
 """
 
 import warp as wp
 
+from strategies.foresight.capsule_lanes import (
+    COARSE_M,
+    PLACES,
+    capsule_distance_in_lanes,
+    nearest_share_in_lanes,
+)
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -22,7 +28,11 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
-from warpgrasp.geometry.sdf_superquadric import SuperquadricShape, sdf_superquadric_bound_grad
+from warpgrasp.geometry.sdf_superquadric import (
+    SuperquadricShape,
+    sdf_superquadric_bound_grad,
+    superquadric_is_plain,
+)
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 
 wp.set_module_options({"max_unroll": 1})
@@ -30,8 +40,8 @@ _NAN = wp.constant(real(float("nan")))
 _FAR = wp.constant(real(1e3))  # [m]
 _RETREAT = wp.constant(real(RETREAT_M))
 _STRAIGHT = wp.constant(real(1e-6))  # curvatures below are no bend [1/m]
-_PLACES = wp.constant(5)  # along a link
-_COARSE = wp.constant(real(0.005))  # [m]: a bound by the box above this is gone on by
+_PLACES = wp.constant(PLACES)
+_COARSE = wp.constant(real(COARSE_M))
 _SHORTEST = wp.constant(real(1e-3))  # way marched at once on an approach [m]
 _MARCHES = wp.constant(int(RETREAT_M / 1e-3) + 2)
 _GRAZING = wp.constant(real(0.4))  # of its motion, against what it meets: less slips past [est]
@@ -83,13 +93,16 @@ def _place(a: vec3, b: vec3, k: int):
 
 
 @wp.func
-def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enough: real):
+def _capsule_distance(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3, radius: real,
+                      enough: real):
     """About the least distance of a capsule from the body; a bound of it above `enough`, or
     `_COARSE`."""
     half = wp.length(b - a) * HALF
     far = _box_distance((a + b) * HALF, s) - half - radius
     if far > lesser(enough, _COARSE):
         return far
+    if lanes:
+        return capsule_distance_in_lanes(s, a, b, radius, enough)
     first = int(0)
     far = _FAR
     for k in range(_PLACES):
@@ -103,13 +116,16 @@ def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enou
     far -= half / real(_PLACES - 1)
     if far > _COARSE:
         return far
-    # The place that is nearest to the box is likely the nearest to the body.
-    least = sdf_superquadric_bound_grad(_place(a, b, first), s)[3]
+    # Both fall short: the greater is the better bound. The place that is nearest to the box is
+    # likely the nearest to the body.
+    p = _place(a, b, first)
+    least = greater(sdf_superquadric_bound_grad(p, s)[3], _box_distance(p, s))
     nearest = int(first)
     for k in range(_PLACES):
         p = _place(a, b, k)
-        if k != first and _box_distance(p, s) < lesser(least, enough + radius):
-            bound = sdf_superquadric_bound_grad(p, s)[3]
+        outside = _box_distance(p, s)
+        if k != first and outside < least:
+            bound = greater(sdf_superquadric_bound_grad(p, s)[3], outside)
             if bound < least:
                 least = bound
                 nearest = int(k)
@@ -119,9 +135,11 @@ def _capsule_distance(s: SuperquadricShape, a: vec3, b: vec3, radius: real, enou
 
 
 @wp.func
-def _nearest_share(s: SuperquadricShape, a: vec3, b: vec3):
-    """Where along a segment the body is nearest, from 0 to 1: the lowest of five places, moved to
+def _nearest_share(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3):
+    """Where along a segment the body is nearest, from 0 to 1: the lowest of some places, moved to
     the foot of the parabola through it and its neighbours."""
+    if lanes:
+        return nearest_share_in_lanes(s, a, b)
     spacing = ONE / real(_PLACES - 1)
     best = int(0)
     least = _FAR
@@ -141,17 +159,19 @@ def _nearest_share(s: SuperquadricShape, a: vec3, b: vec3):
 
 
 @wp.func
-def _clear(s: SuperquadricShape, to_body: transform, a: vec3, b: vec3, radius: real, worst: real):
+def _clear(s: SuperquadricShape, lanes: bool, to_body: transform, a: vec3, b: vec3, radius: real,
+           worst: real):
     """Clearance of a capsule of the base frame from body and table, at most `worst`."""
     clear = lesser(a[2], b[2]) - radius
-    body = _capsule_distance(s, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
-                             radius, lesser(worst, clear))
+    body = _capsule_distance(s, lanes, wp.transform_point(to_body, a),
+                             wp.transform_point(to_body, b), radius, lesser(worst, clear))
     return lesser(worst, lesser(clear, body))
 
 
 @wp.kernel(enable_backward=False)
 def approach_kernel(
     first: int,
+    has_lanes: wp.bool,
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     wanted: wp.array2d[wp.bool],
@@ -171,6 +191,7 @@ def approach_kernel(
     if not wanted[w, p]:
         return
     s = shape[w]
+    lanes = has_lanes and superquadric_is_plain(s, pose[w])
     to_body = wp.transform_inverse(pose[w])
     at = hand_pose[w, p]
     z = wp.transform_vector(at, vec3(ZERO, ZERO, ONE))
@@ -185,12 +206,12 @@ def approach_kernel(
         for finger in range(link_count.shape[0]):
             there = wp.transform_multiply(here, base[finger])
             for link in range(link_count[finger]):
-                clear = _clear(s, to_body,
+                clear = _clear(s, lanes, to_body,
                                wp.transform_point(there, links[g, finger, link, 0].start),
                                wp.transform_point(there, links[g, finger, link, 0].end),
                                radius[finger, link], clear)
         for b in range(bar.shape[0]):
-            clear = _clear(s, to_body, wp.transform_point(here, bar[b, 0]),
+            clear = _clear(s, lanes, to_body, wp.transform_point(here, bar[b, 0]),
                            wp.transform_point(here, bar[b, 1]), bar_radius[b], clear)
         if clear < ZERO:
             return
@@ -203,6 +224,7 @@ def approach_kernel(
 @wp.kernel(enable_backward=False)
 def first_touch_kernel(
     first: int,
+    has_lanes: wp.bool,
     shape: wp.array[SuperquadricShape],
     pose: wp.array[transform],
     free: wp.array3d[wp.bool],
@@ -226,6 +248,7 @@ def first_touch_kernel(
     if not free[w, probe, 0] or not free[w, probe, g]:
         return
     s = shape[w]
+    lanes = has_lanes and superquadric_is_plain(s, pose[w])
     own = wp.transform_multiply(hand_pose[w, probe], base[finger])
     to_body = wp.transform_multiply(wp.transform_inverse(pose[w]), own)
     scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
@@ -240,8 +263,8 @@ def first_touch_kernel(
             table = lesser(wp.transform_point(own, at.start)[2],
                            wp.transform_point(own, at.end)[2]) - thick
             body = _capsule_distance(
-                s, wp.transform_point(to_body, at.start), wp.transform_point(to_body, at.end),
-                thick, greater(table, ZERO))
+                s, lanes, wp.transform_point(to_body, at.start),
+                wp.transform_point(to_body, at.end), thick, greater(table, ZERO))
             clear = lesser(table, body)
             if clear <= ZERO:
                 end = int(step)
@@ -252,7 +275,7 @@ def first_touch_kernel(
     at = links[g, finger, touched, end]
     a = wp.transform_point(to_body, at.start)
     b = wp.transform_point(to_body, at.end)
-    share = _nearest_share(s, a, b)
+    share = _nearest_share(s, lanes, a, b)
     p = a + (b - a) * share
     grad = sdf_superquadric_bound_grad(p, s)
     n = vec3(grad[0], grad[1], grad[2])

@@ -12,8 +12,9 @@ from strategies.recovery.body_distances_kernel import (
     _distance_kernel,
     _radial_kernel,
 )
-from warpgrasp.core.dtypes import real, transform, vec3
+from warpgrasp.core.dtypes import real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.lanes import LANES, has_lanes
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
@@ -72,11 +73,13 @@ def _ask(
     others: dict[str, Any], device: str
 ) -> None:
     shape, pose = bodies_on(body, device)
-    launch(kernel, {"world": len(points_m), "point": points_m.shape[1]}, {
+    launch(kernel, {"world": len(points_m), "group": -(-points_m.shape[1] // LANES)}, {
         "shape": "world", "pose": "world",
-        **dict.fromkeys(("point", "kept", "distance", "normal"), "world point")}, {
-        "shape": shape, "pose": pose, "point": array_of(points_m, vec3, device),
-        "kept": array_of(kept, wp.bool, device), **others}, device=device)
+        **dict.fromkeys(("point", "kept", "gauge", "distance", "normal"), "world point")}, {
+        "has_lanes": has_lanes(device), "shape": shape, "pose": pose,
+        "point": array_of(points_m, vec3, device), "kept": array_of(kept, wp.bool, device),
+        "gauge": wp.empty(points_m.shape[:2], dtype=vec4, device=device), **others},
+        device=device)
 
 
 def bodies_on(body: SuperquadricLike, device: str) -> tuple[wp.array, wp.array]:

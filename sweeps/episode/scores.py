@@ -36,7 +36,7 @@ from sweeps.episode.scores_lanes import PATCH
 from sweeps.episode.surface_elements import Elements, surface_elements
 from warpgrasp.core.dtypes import float32, float32_vec3, real, vec2, vec3
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.core.lanes import LANES
+from warpgrasp.core.lanes import LANES, has_lanes
 from warpgrasp.geometry.body import (
     Body,
     distance_to_bodies,
@@ -271,7 +271,7 @@ def _distance_to_superquadrics(
     launch(_element_distance_kernel, {"world": worlds, "group": len(begin)}, {
         **shapes, "shape": "world", "pose": "world", "normal": "world element", "point": "point",
         "begin": "group", "end": "group", "distance": "world point"}, {
-        **surface, "lanes": wp.get_device(device).is_cpu, "rough": rough, "ball": ball,
+        **surface, "lanes": has_lanes(device), "rough": rough, "ball": ball,
         "shape": shape, "pose": pose,
         "normal": array_of(found.normal, vec3, device),
         "point": array_of(points, vec3, device),
@@ -304,7 +304,7 @@ def _signed_distance(fits: SuperquadricLike, sample: BodySample, device: str) ->
            {"world": len(fits.size_m), "block": -(-len(points) // LANES)}, {
         "shape": "world", "pose": "world", "distance": "world point",
         **dict.fromkeys(("point", "order"), "point")}, {
-        "lanes": wp.get_device(device).is_cpu, "shape": shape, "pose": pose,
+        "lanes": has_lanes(device), "shape": shape, "pose": pose,
         "enough": sample.ramp_m,
         "order": array_of(sample.about_order, int, device),
         "point": array_of(points, vec3, device), "distance": out}, device=device)

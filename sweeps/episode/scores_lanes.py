@@ -10,7 +10,7 @@ import warp as wp
 from warpgrasp.core.dtypes import real, transform, vec3, vec4
 from warpgrasp.geometry.body_sampling import GROUP
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
-from warpgrasp.geometry.superquadric_lanes import SUPERQUADRIC_LANES
+from warpgrasp.geometry.superquadric_lanes import PLACED_SUPERQUADRIC_LANES, SUPERQUADRIC_LANES
 
 TILE = (4, 4)
 """Elements of a face that follow each other: so many rows and columns of its grid."""
@@ -42,7 +42,7 @@ def gauges_in_lanes(
     """Gradients and values of the gauge in directions of the first octant."""
 
 
-_ELEMENTS = SUPERQUADRIC_LANES + """
+_ELEMENTS = PLACED_SUPERQUADRIC_LANES + """
     auto of = [&](int l) { return begin + l < end ? begin + l : begin; };
     const wp::vec3d* vertices = vertex.data + (size_t)world * vertex.shape[1];
     const places d = gathered(direction.data, of);
@@ -94,7 +94,7 @@ def elements_in_lanes(
     """Elements `begin` to `end`; as `_element_kernel` goes on."""
 
 
-_DISTANCES = SUPERQUADRIC_LANES + """
+_DISTANCES = PLACED_SUPERQUADRIC_LANES + """
     // The nearest element of each point, in single precision: of elements that are as near within
     // a tenth of a micrometre any will do.
     enum { W = GROUP };
@@ -229,7 +229,7 @@ def distances_in_lanes(
     """Of up to `GROUP` points; as `_element_distance_kernel` goes on."""
 
 
-_SIGNED_DISTANCES = SUPERQUADRIC_LANES + """
+_SIGNED_DISTANCES = PLACED_SUPERQUADRIC_LANES + """
     auto number = [&](int l) { return order.data[begin + l < end ? begin + l : begin]; };
     const places p = in_frame(gathered(point.data, number)), q = untapered(p);
     flags in = 0;
@@ -240,13 +240,8 @@ _SIGNED_DISTANCES = SUPERQUADRIC_LANES + """
         in = (1.0 - root(dot(r, r))) * least > enough;
     }
     reals away = 0.0;
-    if (!__builtin_reduce_and(in)) {
-        const slopes g = gauge(q);
-        const places by = tapered_slopes(g.by, p);
-        away = (g.value - 1.0) / more(root(dot(by, by)), (reals)tiny);
-        const reals past = size_of(p.z) - s.size[2];
-        away = past > more(away, (reals)0.0) ? past : away;
-    }
+    if (!__builtin_reduce_and(in))
+        away = bound_at(p).distance;
     away = in ? (reals)-enough : away;
     for (int l = 0; l < L && begin + l < end; ++l)
         distance.data[(size_t)world * distance.shape[1] + number(l)] = away[l];

@@ -18,7 +18,7 @@ from sweeps.episode.scores_lanes import TILE
 from sweeps.episode.surface_elements_kernel import _element_kernel, _octant_kernel, _vertex_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.core.lanes import LANES
+from warpgrasp.core.lanes import LANES, has_lanes
 
 
 class Elements(NamedTuple):
@@ -45,7 +45,7 @@ def surface_elements(
     shape, pose = bodies_on(body, device)
     axes = {"shape": "world", "pose": "world", "gauge": "world octant", "vertex": "world vertex"}
     gauge = wp.empty((worlds, len(grid.octant)), dtype=vec4, device=device)
-    lanes = wp.get_device(device).is_cpu
+    lanes = has_lanes(device)
     launch(_octant_kernel, {"world": worlds, "block": -(-len(grid.octant) // LANES)}, {
         **axes, "direction": "octant"}, {
         "lanes": lanes, "shape": shape, "pose": pose,

@@ -172,6 +172,16 @@ def chain_jacobian(hand: Chain, pose: ChainPose, joint: int, x: vec3, d: vec3):
 
 
 @wp.func
+def chain_turning(hand: Chain, pose: ChainPose, joint: int, d: vec3):
+    """Turning about `d` of a joint's link per radian of each drive."""
+    by = vec6()
+    rows = wp.array(ptr=hand.joints, shape=(_JOINTS,), dtype=ChainJoint)
+    for j in range(joint + 1):
+        by[rows[j].drive] += rows[j].factor * wp.dot(pose.axis[j], d)
+    return by
+
+
+@wp.func
 def chain_beyond_stops(hand: Chain, q: vec6):
     """How far each drive is past its upper stop, or, negative, past its lower one [rad]."""
     past = vec6()

@@ -60,7 +60,7 @@ class vec6(wp.types.vector(length=6, dtype=wp.float64)):
 
 
 class vec7(wp.types.vector(length=7, dtype=wp.float64)):
-    """Seven joints of an arm; those that an arm has not are 0."""
+    """Seven numbers, as those of an arm's joints; joints that an arm has not are 0."""
 
 
 ZERO = wp.constant(real(0.0))

@@ -1,16 +1,25 @@
 """Several numbers side by side: C++ for Clang, which compiles Warp's kernels for CPUs.
 
 `lanes_begin` begins the body of a `wp.func_native` and `#endif` ends it: on a GPU, whose threads
-are side by side already, the body is empty. A logarithm is a series of its own, since a library
-takes one number at a time.
+are side by side already, the body is empty. Logarithm and exponential are series of their own,
+since a library takes one number at a time.
 """
 
-from math import log
+from math import factorial, log
+
+import warp as wp
 
 LANES = 8
 """As many doubles as a vector of AVX-512 holds; others take two or four vectors."""
 _TERMS_LOGARITHM = 11
 """Of the series of log((1 + t) / (1 - t)), |t| up to 0.1716: the first left out is 1e-18."""
+_TERMS_EXPONENTIAL = 14
+"""Of 2^r, |r| up to a half: the first left out is 4e-18."""
+
+
+def has_lanes(device: str) -> bool:
+    """Whether kernels on a device have vectors; those of others go one by one."""
+    return wp.get_device(device).is_cpu
 
 
 def polynomial(by: str, coefficients: list[float]) -> str:
@@ -45,10 +54,26 @@ _BEGIN = """
         const reals t = (c - 1.0) / (c + 1.0), tt = t * t;
         return __builtin_convertvector((held >> 52) - 1023 - wide, reals) + t * LOGARITHM;
     };
+    auto power_of_two = [&](reals y) {  // from -1022 to 1023
+        const double shift = 6755399441055744.0;  // leaves whole numbers in the last bits
+        const reals n = y + shift, r = y - (n - shift);
+        return real_of(bits(EXPONENTIAL) + (bits(n) << 52));
+    };
+    struct places { reals x, y, z; };
+    auto dot = [](places a, places b) { return a.x * b.x + a.y * b.y + a.z * b.z; };
+    auto cross = [](places a, places b) {
+        return places{a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x}; };
+    auto from_to = [](places a, places b) { return places{b.x - a.x, b.y - a.y, b.z - a.z}; };
+    auto along = [](places a, reals t, places b) {
+        return places{a.x + t * b.x, a.y + t * b.y, a.z + t * b.z}; };
+    auto everywhere = [](const wp::vec3d& a) {
+        return places{(reals)a[0], (reals)a[1], (reals)a[2]}; };
 """
 _LOGARITHM = polynomial("tt", [2.0 / ((2 * k + 1) * log(2.0)) for k in range(_TERMS_LOGARITHM)])
+_EXPONENTIAL = polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)])
 
 
 def lanes_begin(count: int = LANES) -> str:
     """Types and functions of `count` lanes; more than a vector holds overlap their waiting."""
-    return _BEGIN.replace("COUNT", str(count)).replace("LOGARITHM", _LOGARITHM)
+    return _BEGIN.replace("COUNT", str(count)).replace("LOGARITHM", _LOGARITHM).replace(
+        "EXPONENTIAL", _EXPONENTIAL)

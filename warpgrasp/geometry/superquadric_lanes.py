@@ -2,24 +2,15 @@
 
 The same formulas as `sdf_superquadric`, for one body without bend and `LANES` points in the
 processor's vectors. A power is an exponential of a logarithm, both as series; four powers a point
-cost a tenth of what a library's cost. The text begins the body of a `wp.func_native` that has a
-body as `s`, a `SuperquadricShape`, and its `pose`.
+cost a tenth of what a library's cost. The texts begin the body of a `wp.func_native` that has a
+body as `s`, a `SuperquadricShape`: `SUPERQUADRIC_LANES` is in the body's frame,
+`PLACED_SUPERQUADRIC_LANES` also has its `pose`.
 """
 
-from math import factorial, log
+from warpgrasp.core.lanes import lanes_begin
 
-from warpgrasp.core.lanes import lanes_begin, polynomial
-
-_TERMS_EXPONENTIAL = 14
-"""Of 2^r, |r| up to a half: the first left out is 4e-18."""
-SUPERQUADRIC_LANES = """
-    struct places { reals x, y, z; };
+SUPERQUADRIC_LANES = lanes_begin() + """
     const double tiny = 1e-12, thin = 0.02;
-    auto dot = [](places a, places b) { return a.x * b.x + a.y * b.y + a.z * b.z; };
-    auto from_to = [](places a, places b) { return places{b.x - a.x, b.y - a.y, b.z - a.z}; };
-    auto along = [](places a, reals t, places b) {
-        return places{a.x + t * b.x, a.y + t * b.y, a.z + t * b.z}; };
-
     auto gathered = [](const wp::vec3d* from, auto at) {
         places p;
         for (int l = 0; l < L; ++l) {
@@ -30,27 +21,10 @@ SUPERQUADRIC_LANES = """
         }
         return p;
     };
-    const wp::mat33d turn = wp::quat_to_matrix(pose.q);
-    auto turned = [&](places a) {
-        return places{turn.data[0][0] * a.x + turn.data[0][1] * a.y + turn.data[0][2] * a.z,
-                      turn.data[1][0] * a.x + turn.data[1][1] * a.y + turn.data[1][2] * a.z,
-                      turn.data[2][0] * a.x + turn.data[2][1] * a.y + turn.data[2][2] * a.z};
-    };
-    auto turned_back = [&](places a) {
-        return places{turn.data[0][0] * a.x + turn.data[1][0] * a.y + turn.data[2][0] * a.z,
-                      turn.data[0][1] * a.x + turn.data[1][1] * a.y + turn.data[2][1] * a.z,
-                      turn.data[0][2] * a.x + turn.data[1][2] * a.y + turn.data[2][2] * a.z};
-    };
-    auto in_frame = [&](places a) {
-        return turned_back(places{a.x - pose.p[0], a.y - pose.p[1], a.z - pose.p[2]}); };
-
     auto power = [&](reals base, double exponent) {
         const reals y = more(binary_logarithm(more(base, (reals)tiny)) * exponent,
                              (reals)-1022.0);
-        const double shift = 6755399441055744.0;  // leaves whole numbers in the last bits
-        const reals n = y + shift, r = y - (n - shift);
-        const reals two = real_of(bits(EXPONENTIAL) + (bits(n) << 52));
-        return base < tiny ? (reals)0.0 : two;
+        return base < tiny ? (reals)0.0 : power_of_two(y);
     };
 
     // `superquadric_gauge`. Of two that are compared the greater is one, and so are its powers.
@@ -107,6 +81,32 @@ SUPERQUADRIC_LANES = """
         g.z -= at.sloping_y ? g.y * p.y * y * (s.ky * upwards) : (reals)0.0;
         return g;
     };
+
+    // `sdf_superquadric_bound_grad`
+    struct bounds { places normal; reals distance; };
+    auto bound_at = [&](places p) {
+        const slopes g = gauge(untapered(p));
+        const places by = tapered_slopes(g.by, p);
+        const reals slope = more(root(dot(by, by)), (reals)tiny);
+        const reals distance = (g.value - 1.0) / slope, past = size_of(p.z) - s.size[2];
+        const flags beyond = past > more(distance, (reals)0.0);
+        const reals none = 0.0, up = p.z < 0.0 ? none - 1.0 : none + 1.0;
+        return bounds{{beyond ? none : by.x / slope, beyond ? none : by.y / slope,
+                       beyond ? up : by.z / slope}, beyond ? past : distance};
+    };
 """
-_EXPONENTIAL = polynomial("r", [log(2.0) ** k / factorial(k) for k in range(_TERMS_EXPONENTIAL)])
-SUPERQUADRIC_LANES = lanes_begin() + SUPERQUADRIC_LANES.replace("EXPONENTIAL", _EXPONENTIAL)
+PLACED_SUPERQUADRIC_LANES = SUPERQUADRIC_LANES + """
+    const wp::mat33d turn = wp::quat_to_matrix(pose.q);
+    auto turned = [&](places a) {
+        return places{turn.data[0][0] * a.x + turn.data[0][1] * a.y + turn.data[0][2] * a.z,
+                      turn.data[1][0] * a.x + turn.data[1][1] * a.y + turn.data[1][2] * a.z,
+                      turn.data[2][0] * a.x + turn.data[2][1] * a.y + turn.data[2][2] * a.z};
+    };
+    auto turned_back = [&](places a) {
+        return places{turn.data[0][0] * a.x + turn.data[1][0] * a.y + turn.data[2][0] * a.z,
+                      turn.data[0][1] * a.x + turn.data[1][1] * a.y + turn.data[2][1] * a.z,
+                      turn.data[0][2] * a.x + turn.data[1][2] * a.y + turn.data[2][2] * a.z};
+    };
+    auto in_frame = [&](places a) {
+        return turned_back(places{a.x - pose.p[0], a.y - pose.p[1], a.z - pose.p[2]}); };
+"""

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from beliefs import BODY, belief
 
+from strategies.foresight import first_touch
 from strategies.planners.adaptive import GreedyCoverage
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.expected_error import ExpectedError
@@ -66,6 +67,19 @@ def test_touches_are_foreseen_where_the_simulator_finds_them(kind: str) -> None:
     apart = np.linalg.norm(points - true, axis=-1)[both]
     assert np.median(apart) < 0.003
     assert np.quantile(apart, 0.9) < 0.006
+
+
+def test_places_of_a_link_are_looked_at_side_by_side_as_one_by_one(
+    monkeypatch: pytest.MonkeyPatch
+) -> None:
+    here = belief_of(HandTable(kind="leap"))
+    poses, reachable = candidate_poses(here)
+    points, found = predicted_touches(here, poses, reachable)
+    monkeypatch.setattr(first_touch, "has_lanes", lambda device: False)
+    alone, alone_found = predicted_touches(here, poses, reachable)
+    assert found.sum() > 100
+    np.testing.assert_array_equal(found, alone_found)
+    np.testing.assert_allclose(points, alone, atol=1e-10)
 
 
 def test_a_hand_described_as_chains_foresees_the_touches_of_its_own_functions() -> None:

@@ -1,10 +1,12 @@
 """Bodies asked by kernels, against the plain NumPy of their shapes in `fit`."""
 
 import numpy as np
+import pytest
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_inside_outside
 from fit.superquadric.uncertainty import surface_distance
+from strategies.recovery import body_distances
 from strategies.recovery.body_distances import (
     contour_distances,
     radial_distances,
@@ -54,6 +56,17 @@ def test_a_world_depends_on_nothing_beside_it_and_points_not_asked_for_are_far()
     radial = radial_distances(body, points, asked)
     assert np.array_equal(radial[3:4], radial_distances(*one))
     assert np.isinf(radial[~asked]).all()
+
+
+def test_points_side_by_side_are_those_taken_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    body = bodies()
+    points = points_about(body)
+    asked = np.random.default_rng(1).uniform(size=points.shape[:2]) < 0.7
+    side_by_side = *surface_distances(body, points, asked), radial_distances(body, points, asked)
+    monkeypatch.setattr(body_distances, "has_lanes", lambda device: False)
+    one_by_one = *surface_distances(body, points, asked), radial_distances(body, points, asked)
+    for these, those in zip(side_by_side, one_by_one, strict=True):
+        assert np.allclose(these, those, rtol=1e-9, atol=1e-12)
 
 
 def test_along_rays_from_the_centre_the_surface_lies_where_it_is_told() -> None:

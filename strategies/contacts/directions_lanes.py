@@ -1,0 +1,140 @@
+# type: ignore  # Warp functions, which type checkers cannot follow
+"""The directions of a contact's force at one place of a link, side by side: what
+`placing_posterior` sums up one by one.
+
+C++ for Clang, see `warpgrasp.core.lanes`. Empty on a GPU.
+"""
+
+from math import log
+
+import warp as wp
+
+from strategies.contacts.placing_sums import LEVEL, MOST_DIRECTIONS, NEGLIGIBLE, WORST
+from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.core.dtypes import real, vec3, vec4, vec7
+from warpgrasp.core.lanes import LANES, lanes_begin
+
+_SUM = lanes_begin() + """
+    enum { J = sizeof(felt) / sizeof(double), GROUPS = MOST };
+    const double total = wp::dot(felt, felt);
+    const places u = everywhere(along_link), inwards = everywhere(towards);
+    places d[GROUPS];
+    reals chi[GROUPS], narrower[GROUPS], least_of_all = WORST;
+    for (int g = 0; begin + g * L < end; ++g) {
+        places share;
+        flags counts;
+        for (int l = 0; l < L; ++l) {
+            const int n = begin + g * L + l;
+            const wp::vec3d& one = direction.data[n < end ? n : begin];
+            share.x[l] = one[0];
+            share.y[l] = one[1];
+            share.z[l] = one[2];
+            counts[l] = n < end ? -1 : 0;
+        }
+        const places way = along(along(
+            places{share.x * middle[0], share.x * middle[1], share.x * middle[2]},
+            share.y, everywhere(across)), share.z, everywhere(over));
+        if (!all_around)
+            counts &= dot(way, u) >= -LEVEL;
+        const reals none = 0.0;
+        reals size = none, pushed = none;
+        for (int k = 0; k < J; ++k) {
+            const reals j = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
+            size += j * j;
+            pushed += j * felt[k];
+        }
+        size = more(size, (reals)1e-300);
+        const reals push = more(pushed, none);
+        reals left = total - push * push / size, narrow = none + 1.0;
+        if (lean != 0.0) {
+            places one = cross(u, way);
+            const reals level = 1.0 / more(root(dot(one, one)), (reals)1e-300);
+            one = places{one.x * level, one.y * level, one.z * level};
+            const places two = cross(way, one);
+            const reals leans = lean * push / size;
+            reals aa = none + 1.0, bb = aa, ab = none;
+            reals ja = none, jb = none, fa = none, fb = none;
+            for (int k = 0; k < J; ++k) {
+                const reals j = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
+                // At the skin, a radius off the axis.
+                const reals a = leans * (
+                    one.x * by_x[k] + one.y * by_y[k] + one.z * by_z[k] + radius * (
+                        two.x * turn_x[k] + two.y * turn_y[k] + two.z * turn_z[k]));
+                const reals b = leans * (
+                    two.x * by_x[k] + two.y * by_y[k] + two.z * by_z[k] - radius * (
+                        one.x * turn_x[k] + one.y * turn_y[k] + one.z * turn_z[k]));
+                aa += a * a;
+                bb += b * b;
+                ab += a * b;
+                ja += j * a;
+                jb += j * b;
+                fa += felt[k] * a;
+                fb += felt[k] * b;
+            }
+            const reals less_wide = 1.0 / (aa * bb - ab * ab);
+            const reals jj = size - (bb * ja * ja - 2.0 * ab * ja * jb + aa * jb * jb) * less_wide;
+            const reals jf = pushed - (
+                bb * ja * fa - ab * (ja * fb + jb * fa) + aa * jb * fb) * less_wide;
+            const reals ff = total - (
+                bb * fa * fa - 2.0 * ab * fa * fb + aa * fb * fb) * less_wide;
+            const reals whole = more(jf, none);
+            left = ff - whole * whole / more(jj, (reals)1e-300);
+            narrow = root(less_wide);
+        }
+        const places off = from_to(inwards, way);
+        d[g] = way;
+        chi[g] = counts ? left + dot(off, off) * sharp : (reals)WORST;
+        narrower[g] = counts ? narrow : none;
+        least_of_all = less(least_of_all, chi[g]);
+    }
+    const double least = __builtin_reduce_min(least_of_all);
+    double sum = 0.0, most = 0.0, misfit = 0.0;
+    wp::vec3d outward;
+    for (int g = 0; begin + g * L < end; ++g) {
+        const reals weight = narrower[g] * power_of_two(
+            more(least - chi[g], (reals)-NEGLIGIBLE) * HALF_BITS);
+        for (int l = 0; l < L; ++l) {
+            sum += weight[l];
+            outward += wp::vec3d(d[g].x[l], d[g].y[l], d[g].z[l]) * weight[l];
+            if (weight[l] > most) {
+                most = weight[l];
+                misfit = chi[g][l];
+            }
+        }
+    }
+    wp::vec_t<7, double> sums(least);
+    sums[1] = sum;
+    for (int n = 0; n < 3; ++n)
+        sums[2 + n] = outward[n];
+    sums[5] = most;
+    sums[6] = misfit;
+    return sums;
+#else
+    return {};
+#endif
+"""
+for _name, _value in (
+        ("GROUPS = MOST", f"GROUPS = {-(-MOST_DIRECTIONS // LANES)}"),
+        ("LEVEL", repr(LEVEL)), ("WORST", repr(float(WORST))),
+        ("NEGLIGIBLE", repr(float(NEGLIGIBLE))), ("HALF_BITS", repr(0.5 / log(2.0)))):
+    _SUM = _SUM.replace(_name, _value)
+
+
+@wp.func_native(_SUM)
+def directions_in_lanes(
+    by_x: vec4, by_y: vec4, by_z: vec4, turn_x: vec4, turn_y: vec4, turn_z: vec4, felt: vec4,
+    direction: wp.array[vec3], begin: int, end: int, all_around: bool,
+    middle: vec3, across: vec3, over: vec3, along_link: vec3, towards: vec3,
+    radius: real, lean: real, sharp: real,
+) -> vec7:
+    """The fields of `Around`, in order, of the directions `begin` to `end`."""
+
+
+@wp.func_native(_SUM)
+def directions_in_lanes(  # noqa: F811 (an overload)
+    by_x: vec6, by_y: vec6, by_z: vec6, turn_x: vec6, turn_y: vec6, turn_z: vec6, felt: vec6,
+    direction: wp.array[vec3], begin: int, end: int, all_around: bool,
+    middle: vec3, across: vec3, over: vec3, along_link: vec3, towards: vec3,
+    radius: real, lean: real, sharp: real,
+) -> vec7:
+    """The same of a chain's drives."""
