@@ -11,6 +11,8 @@ from math import ceil, radians
 
 import numpy as np
 
+from warpgrasp.parameters import HandTable
+
 FINGER_COUNT = 4  # three fingers side by side, then the thumb
 SPREAD_SIGN = (-1.0, 0.0, 1.0, 0.0)  # the outer fingers abduct away from the middle one
 
@@ -51,6 +53,15 @@ CLOSING_PATHS: dict[str, ClosingPath] = {path.name: path for path in (
                   "base_then_curl", _degrees((0, base, 5, 5), (0, 60, 5, 5), (0, 90, 95, 95)))
       for base in (10, 25)),
 )}
+
+
+def commands_within(commands_rad: np.ndarray, hand: HandTable) -> np.ndarray:
+    """Commands (finger, step, 4) of the Utah-MIT hand, no joint beyond its limits; without steps in
+    which none moves then."""
+    within = np.clip(commands_rad, [hand.abduction_limit_rad[0], *hand.flexion_low_rad],
+                     [hand.abduction_limit_rad[1], *hand.flexion_high_rad])
+    moves = (np.diff(within, axis=1) != 0.0).any((0, 2))
+    return within[:, np.concatenate([[True], moves])]
 
 
 def closing_commands(path: ClosingPath) -> np.ndarray:

@@ -9,7 +9,7 @@ threshold. The joint angles and tensions read at the stops become contacts in
 import numpy as np
 
 from strategies.poses.chain_paths import chain_commands, chain_path_names
-from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands, commands_within
 from warpgrasp.chain.chain_hand import chain_of_table
 from warpgrasp.parameters import HandTable
 from warpgrasp.robot import Grasps, Robot
@@ -34,18 +34,18 @@ def padded_commands(
     if isinstance(closings, str) or not closings:
         raise ValueError(f"closings: are {closings!r}; should be names such as (\"curl40\",)")
     chain = None if hand is None else chain_of_table(hand)
-    paths = [_utah_mit_commands(name) if chain is None else chain_commands(chain, name)
-             for name in closings]
+    paths = [_utah_mit_commands(name, hand or HandTable()) if chain is None
+             else chain_commands(chain, name) for name in closings]
     longest = max(p.shape[1] for p in paths)
     padded = np.stack([np.pad(p, ((0, 0), (0, longest - p.shape[1]), (0, 0)), mode="edge")
                        for p in paths])
     return padded, np.array([p.shape[1] for p in paths])
 
 
-def _utah_mit_commands(name: str) -> np.ndarray:
+def _utah_mit_commands(name: str, hand: HandTable) -> np.ndarray:
     if name not in CLOSING_PATHS:
         raise KeyError(f"closing path {name!r}; should be one of {', '.join(CLOSING_PATHS)}")
-    return closing_commands(CLOSING_PATHS[name])
+    return commands_within(closing_commands(CLOSING_PATHS[name]), hand)
 
 
 def explore_by_containment(

@@ -1,11 +1,17 @@
 """What a hand can be asked for: a procedure that it cannot do ends the episode and says why."""
 
+from math import degrees
+
 import numpy as np
 
 from strategies.poses.postures import extended_finger, opposed_pair
 from warpgrasp.chain.chain_hand import chain_of_table
-from warpgrasp.mechanism.touch_postures import ExtendedFinger, OpposedPair
-from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.mechanism.touch_postures import (
+    ExtendedFinger,
+    OpposedPair,
+    index_abduction_rad,
+)
+from warpgrasp.parameters import UTAH_MIT, HandTable, PadTable
 
 STATUS = "not_possible"
 """Of an episode whose strategy asks for what its hand cannot do; its note begins with it too."""
@@ -30,9 +36,14 @@ def opposed_of(hand: HandTable, pads: PadTable) -> OpposedPair:
     """Two fingers that close towards each other. Raises NotPossible for a hand that has none."""
     found = opposed_pair(hand, pads)
     if found is None:
+        why = "no opposed pair with pads on their last links"
+        if hand.kind == UTAH_MIT and pads.distal:
+            turn, most = degrees(index_abduction_rad(hand)), degrees(hand.abduction_limit_rad[1])
+            why = (f"none: with finger_spacing_mm = {1e3 * hand.finger_spacing_m:g} its index "
+                   f"finger faces the thumb at an abduction of {turn:.1f} deg, and can turn by "
+                   f"{most:g} (abduction_limit_deg)")
         raise NotPossible(f"{STATUS}: contour feels with the pads of an opposed pair of fingers, "
-                          f"and the hand {_name(hand)} has no opposed pair with pads on their last "
-                          "links")
+                          f"and the hand {_name(hand)} has {why}")
     return found
 
 

@@ -24,6 +24,8 @@ NEAR_M = 0.006
 UNSURE_M = 0.010 / 2.576
 """Standard deviation along the link from which a contact of a finger is more than 10 mm off with a
 probability of 1 % or more, as its torques tell."""
+LONGER = 1.01
+"""Ratio of variances from which torques tell one direction less than another."""
 MOVED_M = 0.003
 """A contact that lies farther than this from its place on a second surface depends on the model
 [est]."""
@@ -130,13 +132,14 @@ def verdicts_by_gap(gap_m: np.ndarray, evidence: Evidence, links: TouchedLinks |
     """
     near = evidence.mask & (gap_m <= np.where(evidence.by_pad, FARTHEST_M, NEAR_M))
     verdict = np.full(near.shape, ACCEPTED, object)
-    verdict[~evidence.by_pad & (_widest(evidence) > UNSURE_M)] = UNSURE_PLACE
+    along_link = _along_link(evidence)
+    verdict[along_link > UNSURE_M] = UNSURE_PLACE
     verdict[evidence.contradiction > CONTRADICTED_FROM] = CONTRADICTED
     verdict[np.isinf(evidence.contradiction)] = UNSURE_LINK
     verdict[~near] = FAR
     verdict[~evidence.mask] = ""
     if links is not None:
-        asked = np.asarray(verdict == ACCEPTED) & ~evidence.by_pad
+        asked = np.asarray(verdict == ACCEPTED) & (along_link > 0.0)
         asked &= True if of_model is None else of_model[:, None]
         verdict[moved_on_second_surface(evidence, links, asked) > MOVED_M] = UNSURE_BODY
     return verdict
@@ -158,10 +161,15 @@ def refuted(recovered: Recovered, evidence: Evidence) -> np.ndarray:
     return found
 
 
-def _widest(evidence: Evidence) -> np.ndarray:
-    """The largest standard deviation of each contact [m], (world, point); 0 where there is none."""
-    covariance = np.where(evidence.mask[..., None, None], evidence.covariance_m2, 0.0)
-    return np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[..., -1], 0.0))
+def _along_link(evidence: Evidence) -> np.ndarray:
+    """The largest standard deviation [m] of each contact whose place torques tell, (world, point);
+    0 of others: those of pads, and fingertips that are taken for contacts, which are as unsure in
+    all directions."""
+    asked = evidence.mask & ~evidence.by_pad
+    covariance = np.where(asked[..., None, None], evidence.covariance_m2, 0.0)
+    variances = np.linalg.eigvalsh(covariance)
+    longer = variances[..., -1] > LONGER * variances[..., 0]
+    return np.sqrt(np.where(longer, variances[..., -1], 0.0))
 
 
 def accepted_contacts(recovered: Recovered, evidence: Evidence) -> np.ndarray:

@@ -6,7 +6,7 @@ Lower limits lie below upper ones, pads fit their links, keys say something of t
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from math import hypot
+from math import degrees, hypot
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from warpgrasp.parameters import (
     OBJECT_REACH_M,
     PUMA560,
     UTAH_MIT,
+    ArmTable,
     HandTable,
     PadTable,
 )
@@ -30,6 +31,9 @@ from warpgrasp.spec_words import word_of
 _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
           ("arm", "box_low_mm", "box_high_mm"),
           ("hand", "flexion_low_deg", "flexion_high_deg"))
+
+LIMIT_KEYS = ("hand.abduction_limit_deg", "arm.d_mm", "arm.a_mm", "arm.limit_low_deg",
+              "arm.limit_high_deg", "arm.kind")
 
 
 def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],
@@ -234,6 +238,24 @@ def _misfit(hand: HandTable, pads: PadTable) -> str:
 
     chain = chain_of_table(hand)
     return pad_misfit(chain, pads) if chain is not None else ""
+
+
+def check_limits(study: Study, problems: Problems) -> None:
+    """Notes the first setting under which the PUMA 560 or the Utah-MIT hand cannot be moved."""
+    note_misfit(study, LIMIT_KEYS, _immovable, ("arm",), problems)
+
+
+def _immovable(tables: Mapping[str, Any]) -> str:
+    arm, hand = tables["arm"], tables["hand"]
+    low, high = hand.abduction_limit_rad
+    if not low < high:
+        return (f"abduction_limit_deg is {degrees(low):g}, {degrees(high):g}; the first should be "
+                "below the second")
+    if arm.kind != PUMA560 or arm == ArmTable():
+        return ""
+    from warpgrasp.mechanism.puma560 import puma_misfit  # kernels, for arms that are changed alone
+
+    return puma_misfit(arm)
 
 
 def feels_with_pads(study: Study) -> bool:

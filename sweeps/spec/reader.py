@@ -14,9 +14,11 @@ from sweeps.spec.axes import read_axes, read_overrides
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import (
     ERROR_KEYS,
+    LIMIT_KEYS,
     PLACE_KEYS,
     check_arms,
     check_errors,
+    check_limits,
     check_order,
     check_pads,
     check_places,
@@ -162,6 +164,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         check_arms(study, values.get("arm", {}), problems)
         check_places(with_ends(study, PLACE_KEYS), problems)
         check_pads(study, problems)
+        check_limits(with_ends(study, LIMIT_KEYS), problems)
         check_errors(with_ends(study, ERROR_KEYS), problems)
     if not problems.found:
         check_used(study, problems)

@@ -4,8 +4,9 @@
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import vec6
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
+from warpgrasp.core.dtypes import ZERO, real, struct, vec2
 from warpgrasp.core.random_kernel import counter_key, counter_normal, counter_uniform
+from warpgrasp.core.reading_kernel import mean_read, mean_variance, quantised
 from warpgrasp.mechanism.tendon_kernel import moving_sign
 
 TORQUES, SWITCHES = 1, 2
@@ -44,17 +45,14 @@ def torque_carried(sensor: TorqueSensor, drive: int, torque: real, moving: real)
 def torque_read(sensor: TorqueSensor, drive: int, torque: real, moving: real, key: wp.uint64):
     """One noisy, quantised reading of a drive's torque [N m]."""
     value = torque_carried(sensor, drive, torque, moving) + sensor.noise * counter_normal(key)
-    if sensor.step > ZERO:
-        value = sensor.step * wp.floor(value / sensor.step + HALF)
-    return value
+    return quantised(value, sensor.step)
 
 
 @wp.func
 def torque_mean_read(sensor: TorqueSensor, drive: int, torque: real, moving: real, key: wp.uint64):
-    """Mean of the readings taken at rest; quantisation enters as its variance, step^2 / 12."""
-    variance = (sensor.noise * sensor.noise + sensor.step * sensor.step / real(12.0)) / real(
-        sensor.readings)
-    return torque_carried(sensor, drive, torque, moving) + wp.sqrt(variance) * counter_normal(key)
+    """Mean of the readings taken at rest [N m]."""
+    return mean_read(torque_carried(sensor, drive, torque, moving), sensor.noise, sensor.step,
+                     sensor.readings, key)
 
 
 @wp.func
@@ -97,5 +95,4 @@ def torque_from_reading(sensor: TorqueSensor, mean: real, moving: real):
 @wp.func
 def torque_variance(sensor: TorqueSensor):
     """Of the mean reading [(N m)^2]."""
-    return (sensor.noise * sensor.noise + sensor.step * sensor.step / real(12.0)) / (
-        ONE * real(sensor.readings))
+    return mean_variance(sensor.noise, sensor.step, sensor.readings)

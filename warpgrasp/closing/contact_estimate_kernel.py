@@ -17,6 +17,7 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
+from warpgrasp.core.reading_kernel import mean_variance
 from warpgrasp.mechanism.tendon_kernel import TendonSensor, torque_from_tensions
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
@@ -254,8 +255,7 @@ def estimate_kernel(
     precision = vec4(ZERO, ZERO, ZERO, ZERO)
     for j in range(4):
         s = sensor.moment_arm[j]
-        v = s * s * real(2.0) * (sensor.noise * sensor.noise + sensor.step * sensor.step
-                                 / real(12.0)) / real(sensor.readings)
+        v = s * s * real(2.0) * mean_variance(sensor.noise, sensor.step, sensor.readings)
         m = _RELATIVE * largest
         unsure = arm_share * torque[j]  # the moment arm is known no better
         precision[j] = ONE / (v + m * m + unsure * unsure + _FLOOR * _FLOOR)

@@ -14,12 +14,10 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.arms.arm_model import ArmModel
 from warpgrasp.arms.serial_arm import flange_poses, padded, serial_of
 from warpgrasp.core.dtypes import vec7
-from warpgrasp.mechanism.puma560 import puma_arm, puma_forward_batch
+from warpgrasp.mechanism.puma560 import HOME_RAD, puma_arm, puma_forward_batch
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
 
-HOME_RAD = tuple(np.radians((19.5, 28.8, 160.0, 0.0, -8.8, -160.5)))
-"""Where an episode starts: the hand some 0.35 m above the table, pointing down."""
 _FLOATING_HOME = (0.45, 0.0, 0.5, np.pi, 0.0, 0.0)
 """Of a floating wrist, as near to this as its box lets it: the flange, pointing down."""
 

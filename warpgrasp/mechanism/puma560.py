@@ -16,14 +16,31 @@ from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.puma560_kernel import Arm, _forward_kernel, _inverse_kernel
 from warpgrasp.parameters import ArmTable
 
+HOME_RAD = tuple(np.radians((19.5, 28.8, -200.0, 0.0, -8.8, -160.5)))
+"""Where an episode starts: the hand some 0.35 m above the table, pointing down."""
 ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
 
 
-def puma_arm(table: ArmTable, mount_length_m: float) -> Arm:
-    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover."""
+def puma_misfit(table: ArmTable) -> str:
+    """Why the closed-form inverse does not cover a table, or the arm cannot start; empty where all
+    is well."""
     d, a = table.d_m, table.a_m
     if d[1] or d[4] or d[5] or a[0] or any(a[3:]):
-        raise ValueError("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0")
+        return ("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0 (of six each); "
+                "the length of a tool is hand.mount_length_mm")
+    for joint, (low, home, high) in enumerate(zip(
+            table.limit_low_rad, HOME_RAD, table.limit_high_rad, strict=True)):
+        if not low <= home <= high:
+            return (f"joint {joint + 1} is limited to {np.degrees(low):g} to {np.degrees(high):g} "
+                    f"deg; should include {np.degrees(home):g}, where episodes start")
+    return ""
+
+
+def puma_arm(table: ArmTable, mount_length_m: float) -> Arm:
+    """The kernels' arm. Raises ValueError with what `puma_misfit` says."""
+    if wrong := puma_misfit(table):
+        raise ValueError(wrong)
+    d, a = table.d_m, table.a_m
     arm = Arm()
     arm.d1, arm.d3, arm.d4, arm.a2, arm.a3 = d[0], d[2], d[3], a[1], a[2]
     arm.low, arm.high = vec7(*padded(table.limit_low_rad)), vec7(*padded(table.limit_high_rad))

@@ -5,6 +5,7 @@ import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2, vec4
 from warpgrasp.core.random_kernel import counter_key, counter_normal
+from warpgrasp.core.reading_kernel import mean_read, quantised
 
 
 @struct
@@ -59,13 +60,6 @@ def tendon_tensions(sensor: TendonSensor, joint: int, torque: real, moving: real
 
 
 @wp.func
-def _quantised(value: real, step: real):
-    if step <= ZERO:
-        return value
-    return step * wp.floor(value / step + HALF)
-
-
-@wp.func
 def tension_noise(key: wp.uint64):
     """Noise of the readings of a flexor and an extensor, in standard deviations."""
     return vec2(counter_normal(counter_key(key, 0)), counter_normal(counter_key(key, 1)))
@@ -76,15 +70,13 @@ def tension_difference_read(sensor: TendonSensor, tensions: vec2, noise: vec2):
     """One noisy, quantised reading of flexor minus extensor tension [N]."""
     flexor = tensions[0] + sensor.noise * noise[0]
     extensor = tensions[1] + sensor.noise * noise[1]
-    return _quantised(flexor, sensor.step) - _quantised(extensor, sensor.step)
+    return quantised(flexor, sensor.step) - quantised(extensor, sensor.step)
 
 
 @wp.func
 def tension_mean_read(sensor: TendonSensor, tension: real, key: wp.uint64):
-    """Mean of the readings taken at rest; quantisation enters as its variance, step^2 / 12."""
-    variance = (sensor.noise * sensor.noise + sensor.step * sensor.step / real(12.0)) / real(
-        sensor.readings)
-    return tension + wp.sqrt(variance) * counter_normal(key)
+    """Mean of the readings taken at rest [N]."""
+    return mean_read(tension, sensor.noise, sensor.step, sensor.readings, key)
 
 
 @wp.func

@@ -6,7 +6,7 @@ both sides two fingers close towards each other, one after the other.
 """
 
 from dataclasses import dataclass
-from math import cos, radians
+from math import asin, cos, nan, radians, sin
 
 import numpy as np
 
@@ -66,7 +66,9 @@ _POKE_LEAN_RAD = radians(57)
 """The fingertip leads folded thumb and palm."""
 _CLOSED_DEG = 30.0
 _CLOSING_STEPS = 81
-_WIDEST_HALF_M = 0.041
+_ROOM_M = 0.0093
+"""Of a chord as wide as the open fingertips can stand astride, to either side [est]."""
+_OPEN_DEG = -10.0
 
 
 def _posture(*fingers_deg: tuple[float, float, float, float]) -> np.ndarray:
@@ -76,8 +78,16 @@ def _posture(*fingers_deg: tuple[float, float, float, float]) -> np.ndarray:
 
 _POKE_RAD = _posture((0, 0, 0, 0), (0, -10, 95, 95), (0, -10, 95, 95), (0, 10, 95, 95))
 """Index finger extended, the others folded."""
-_PINCH_OPEN_RAD = _posture((14.3, -10, 0, 0), (0, 30, 95, 95), (0, 30, 95, 95), (0, -10, 0, 0))
-"""Index finger and thumb opened wide, the index finger abducted to face the thumb; others fold."""
+_PINCH_OPEN_RAD = _posture((0, _OPEN_DEG, 0, 0), (0, 30, 95, 95), (0, 30, 95, 95),
+                           (0, _OPEN_DEG, 0, 0))
+"""Index finger and thumb opened wide; others fold. The index finger abducts to face the thumb."""
+
+
+def index_abduction_rad(hand: HandTable) -> float:
+    """By how much the straight index finger turns aside for its tip to face the thumb's; NaN where
+    it is too short."""
+    share = hand.finger_spacing_m / (hand.abduction_offset_m + sum(hand.link_length_m))
+    return asin(share) if share <= 1.0 else nan
 
 
 def utah_mit_extended(hand: HandTable, pads: PadTable) -> ExtendedFinger:
@@ -88,14 +98,20 @@ def utah_mit_extended(hand: HandTable, pads: PadTable) -> ExtendedFinger:
                           hand.link_radius_m + pads.thickness_m, _POKE_LEAN_RAD)
 
 
-def utah_mit_opposed(hand: HandTable, pads: PadTable) -> OpposedPair:
+def utah_mit_opposed(hand: HandTable, pads: PadTable) -> OpposedPair | None:
     """Its index finger and thumb, each straight, closing from its base: half a degree a step, a
-    millimetre at the fingertip."""
+    millimetre at the fingertip. None where the index finger's limit of abduction keeps it from
+    facing the thumb."""
+    abduction = index_abduction_rad(hand)
+    if not abduction <= hand.abduction_limit_rad[1]:
+        return None
     index, thumb = (np.repeat(_PINCH_OPEN_RAD, _CLOSING_STEPS, axis=1) for _ in range(2))
     for commands, finger in ((index, _INDEX), (thumb, _THUMB)):
-        commands[finger, :, 1] = np.radians(np.linspace(-10.0, _CLOSED_DEG, _CLOSING_STEPS))
-    reach = (hand.abduction_offset_m + sum(hand.link_length_m)) * cos(_PINCH_OPEN_RAD[0, 0, 0])
+        commands[_INDEX, :, 0] = abduction
+        commands[finger, :, 1] = np.radians(np.linspace(_OPEN_DEG, _CLOSED_DEG, _CLOSING_STEPS))
+    reach = (hand.abduction_offset_m + sum(hand.link_length_m)) * cos(abduction)
     ball = hand.link_radius_m + pads.thickness_m
+    widest = hand.palm_gap_m / 2 - reach * sin(radians(_OPEN_DEG)) - ball - _ROOM_M
     return OpposedPair((_INDEX, _THUMB), (index, thumb), np.eye(3), np.array([0.0, 0.0, reach]),
-                       (ball, ball), _WIDEST_HALF_M, np.zeros(1), np.zeros(1), np.zeros((0, 3)),
+                       (ball, ball), widest, np.zeros(1), np.zeros(1), np.zeros((0, 3)),
                        np.zeros(0))

@@ -8,8 +8,7 @@ import pytest
 from strategies.procedures.contour_follower import explore_contour
 from strategies.procedures.contour_record import Axis
 from strategies.procedures.planar_explorer import explore_plane
-from warpgrasp.mechanism.arm import HOME_RAD
-from warpgrasp.mechanism.puma560 import puma_forward_batch
+from warpgrasp.mechanism.puma560 import HOME_RAD, puma_forward_batch
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus

@@ -63,6 +63,15 @@ def test_each_reason_to_reject() -> None:
     assert (found[1] == "accepted").all()
 
 
+def test_fingertips_taken_for_contacts_are_accepted_where_they_are_near() -> None:
+    """They are as unsure in all directions: no torques say where along a link they are."""
+    tips = touched()
+    tips = replace(tips, covariance_m2=np.tile(0.006**2 * np.eye(3), (*tips.mask.shape, 1, 1)))
+    assert (contact_verdicts(ball(), tips) == "accepted").all()
+    off = replace(tips, points_m=touched(0.008).points_m)
+    assert (contact_verdicts(ball(), off) == "far").all()
+
+
 def test_a_touch_of_a_pad_may_lie_as_far_as_one_that_counts() -> None:
     far = touched(0.008)
     assert not accepted_contacts(ball(), far).any()
@@ -134,7 +143,7 @@ def test_contacts_refute_a_body_that_most_contradict_and_hardly_any_confirms(
     contradiction = np.where(np.arange(30) < contradicted, [[50.0], [np.inf]], 1.0)
     sigma = 0.01 if vague else 0.001
     felt = replace(felt, contradiction=contradiction,
-                   covariance_m2=np.tile(sigma**2 * np.eye(3), (2, 30, 1, 1)))
+                   covariance_m2=np.tile(np.diag([0.001, 0.001, sigma])**2, (2, 30, 1, 1)))
     assert refuted(ball(), felt).tolist() == [wrong, wrong]
     alone = rows_of(felt, np.array([1]))
     assert refuted(rows_of(ball(), np.array([1])), alone).tolist() == [wrong]

@@ -67,6 +67,23 @@ def test_a_threshold_that_noise_passes_is_told(
     assert bool(found) == bool(says)
 
 
+@pytest.mark.parametrize(("more", "place", "says"), [
+    ("[hand]\nabduction_limit_deg = [25, -25]\n", "11: hand.abduction_limit_deg",
+     "is 25, -25; the first should be below the second"),
+    ("[arm]\nd_mm = [671.83, 0.0, 150.05, 431.8, 0.0, 55.8]\n", "11: arm.d_mm",
+     "wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0"),
+    ("[arm]\nlimit_low_deg = [-160, -35, -190, -266, -100, -266]\n", "11: arm.limit_low_deg",
+     "joint 3 is limited to -190 to 45 deg; should include -200"),
+    ('[sweep.grid]\n"arm.a_mm" = [[0, 431.8, 20.3, 0, 0, 0], [10, 431.8, 20.3, 0, 0, 0]]\n',
+     "10: sweep", "a1"),
+])
+def test_an_arm_and_a_hand_that_cannot_be_moved_are_refused(
+        tmp_path: Path, more: str, place: str, says: str) -> None:
+    found, = refusals(tmp_path, SMALL + more)
+    assert found.startswith(f"{tmp_path}/spec.toml:{place}")
+    assert says in found
+
+
 METRES = ("[object]\nx_mm = 0.45\n", 'x_mm = 0.45, y_mm = 0 is where the arm itself stands; should '
           "be 100 mm or more from x_mm = 0, y_mm = 0; lengths are in mm: did you mean x_mm = 450, "
           "y_mm = 0?")

@@ -6,9 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm import HOME_RAD
 from warpgrasp.mechanism.arm_motion import ArmState, arm_hand_links, move_hand
-from warpgrasp.mechanism.puma560 import puma_forward_batch
+from warpgrasp.mechanism.puma560 import HOME_RAD, puma_forward_batch
 from warpgrasp.parameters import ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
@@ -34,6 +33,26 @@ def test_home_holds_the_hand_above_the_table_pointing_down() -> None:
     along = points[0, 1, 4] - points[0, 1, 0]
     assert along[2] / np.linalg.norm(along) < -0.999
     assert 0.1 < points[..., 2].min() < points[..., 2].max() < 0.6
+
+
+def test_home_lies_within_the_limits_so_that_the_first_move_is_short() -> None:
+    assert (np.array(ARM.limit_low_rad) <= HOME_RAD).all()
+    assert (np.array(ARM.limit_high_rad) >= HOME_RAD).all()
+    poses = hand_poses_of(puma_forward_batch(ARM, np.array([HOME_RAD])))
+    poses[..., 2] += 0.05
+    block = Body("far", (Part(Shape.BLOCK, size_m=(0.01, 0.01, 0.01)),), (-0.1, -0.1, 0.0),
+                 (0.1, 0.1, 0.1))
+    moves, _ = move_hand(scene_of([block], "cpu"), np.zeros(1, int),
+                         np.array([[0.0, 0.9, 0.0, 0, 0, 0, 1.0]]), ARM, HAND,
+                         np.zeros(1, np.uint64), ArmState.home(1), poses, np.ones((1, 1), bool),
+                         np.zeros((1, 4, 1, 4)))
+    assert np.abs(moves.state.q_rad[0, :6] - HOME_RAD).max() < 0.7
+
+
+def hand_poses_of(flange: np.ndarray) -> np.ndarray:
+    """Poses of the hand (1, pose, 7) at flange poses (pose, 7)."""
+    tool = Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, HAND.mount_length_m])
+    return np.concatenate([flange[:, :3] + tool, flange[:, 3:]], 1)[None]
 
 
 def test_another_number_of_joints_is_refused() -> None:
