@@ -6,7 +6,7 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.arms.serial_arm import joint_choices
 from warpgrasp.mechanism.arm import floating_joints, is_floating, serial_model
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
-from warpgrasp.mechanism.puma560 import puma_inverse_batch
+from warpgrasp.mechanism.puma560 import puma_inverse_batch, puma_reachable_batch
 from warpgrasp.parameters import ArmTable, HandTable
 
 _FARTHEST_M = 1.2
@@ -21,8 +21,10 @@ def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.
     finite is not reachable.
     """
     poses = np.asarray(hand_pose, float)
-    inside, _ = _configurations(arm, hand, poses)
-    return np.asarray(inside.any(-1))
+    if is_floating(arm) or serial_model(arm) is not None:
+        return np.asarray(_configurations(arm, hand, poses)[0].any(-1))
+    flange, finite = _flanges(hand, poses)
+    return (puma_reachable_batch(arm, flange) & finite).reshape(poses.shape[:-1])
 
 
 def pose_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
@@ -104,16 +106,22 @@ def _floating_time(
     return np.where(possible[..., 0] & possible_end[..., 0], time, np.inf)
 
 
+def _flanges(hand: HandTable, poses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Flange poses (pose, 7) of hand poses (..., 7), and which are finite, bool (pose,)."""
+    flat = poses.reshape(-1, 7)
+    finite = np.asarray(np.isfinite(flat).all(1))
+    flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
+    flange[:, :3] -= Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
+    return flange, finite
+
+
 def _configurations(
     arm: ArmTable, hand: HandTable, poses: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The configurations [rad] of hand poses (..., 7): whether they are, (..., n), and the angles
     (..., n, joint). Of the PUMA 560 eight, each angle the least inside the limits where there is
     one; a floating wrist has one; of a serial arm those that some starts come to."""
-    flat = poses.reshape(-1, 7)
-    finite = np.asarray(np.isfinite(flat).all(1))
-    flange = np.where(finite[:, None], flat, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0])
-    flange[:, :3] -= Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, hand.mount_length_m])
+    flange, finite = _flanges(hand, poses)
     shape = poses.shape[:-1]
     if is_floating(arm):  # one configuration a pose
         within = (flange[:, :3] >= arm.box_low_m) & (flange[:, :3] <= arm.box_high_m)

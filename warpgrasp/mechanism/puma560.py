@@ -13,7 +13,12 @@ from warpgrasp.core.dtypes import (
     vec7,
 )
 from warpgrasp.core.kernel_launch import array_of, launch
-from warpgrasp.mechanism.puma560_kernel import Arm, _forward_kernel, _inverse_kernel
+from warpgrasp.mechanism.puma560_kernel import (
+    Arm,
+    _forward_kernel,
+    _inverse_kernel,
+    _reachable_kernel,
+)
 from warpgrasp.parameters import ArmTable
 
 HOME_RAD = tuple(np.radians((19.5, 28.8, -200.0, 0.0, -8.8, -160.5)))
@@ -70,3 +75,13 @@ def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cp
            {"arm": puma_arm(table, 0.0), "flange": array_of(flange, transform, device),
             "q": out}, device=device)
     return out.numpy()[..., :6].copy()
+
+
+def puma_reachable_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cpu") -> np.ndarray:
+    """Whether some branch takes the flange to poses (pose, 7) with all joints inside their limits,
+    bool (pose,)."""
+    out = wp.empty(len(flange), dtype=wp.bool, device=device)  # pyright: ignore[reportArgumentType]
+    launch(_reachable_kernel, {"pose": len(flange)}, {"flange": "pose", "reachable": "pose"},
+           {"arm": puma_arm(table, 0.0), "flange": array_of(flange, transform, device),
+            "reachable": out}, device=device)
+    return out.numpy().copy()

@@ -246,3 +246,16 @@ def _inverse_kernel(
 ):
     i, branch = wp.tid()
     q[i + first, branch] = puma_inverse(arm, flange[i + first], branch, ZERO)
+
+
+@wp.kernel(enable_backward=False)
+def _reachable_kernel(
+    first: int,
+    arm: Arm,
+    # Pose in:
+    flange: wp.array[transform],
+    # Whether some branch is inside the limits out:
+    reachable: wp.array[wp.bool],
+):
+    i = wp.tid() + first
+    reachable[i] = wp.isfinite(puma_reach(arm, flange[i], vec7())[0])

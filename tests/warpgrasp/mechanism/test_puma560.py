@@ -5,7 +5,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.mechanism.puma560 import ALPHA_RAD, puma_forward_batch, puma_inverse_batch
+from warpgrasp.mechanism.puma560 import (
+    ALPHA_RAD,
+    puma_forward_batch,
+    puma_inverse_batch,
+    puma_reachable_batch,
+)
 from warpgrasp.parameters import ArmTable
 
 TABLE = ArmTable()
@@ -40,6 +45,19 @@ def test_all_eight_branches_reach_the_pose_and_one_is_the_original() -> None:
     assert (1 - np.abs((again[..., 3:] * pose[:, None, 3:]).sum(-1))).max() < 1e-12
     gap = np.abs((branches - q[:, None] + np.pi) % (2 * np.pi) - np.pi).max(-1)
     assert gap.min(1).max() < 1e-9
+
+
+def test_poses_are_reachable_where_a_branch_is_within_the_limits() -> None:
+    rng = np.random.default_rng(2)
+    count = 20_000
+    poses = np.concatenate([rng.uniform([-0.9, -0.9, 0.0], [0.9, 0.9, 1.2], (count, 3)),
+                            Rotation.random(count, rng=rng).as_quat()], 1)
+    low = np.array(TABLE.limit_low_rad)
+    with np.errstate(invalid="ignore"):
+        turned = low + np.mod(puma_inverse_batch(TABLE, poses) - low, 2 * np.pi)
+        some = (turned <= TABLE.limit_high_rad).all(-1).any(-1)
+    assert 0.2 < some.mean() < 0.8
+    assert np.array_equal(puma_reachable_batch(TABLE, poses), some)
 
 
 @settings(max_examples=50)
