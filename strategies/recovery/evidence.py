@@ -57,7 +57,9 @@ def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:
     closed = np.isin(status, FELT_TO_THE_END)
     free_mask = np.broadcast_to(closed[..., None], balls.shape[:-1]).reshape(worlds, -1)
     free_mask = free_mask & np.isfinite(balls).all(-1).reshape(worlds, -1)
-    sure = estimate.link_weight.max(axis=-1) >= SURE_LINK
+    # Sure, if the place that torques explain best is on the link that most places speak for.
+    sure = ((estimate.link_weight.max(axis=-1) >= SURE_LINK)
+            & (estimate.link == estimate.link_weight.argmax(axis=-1)))
     return Evidence(
         points_m=np.where(mask[..., None], points, 0.0),
         mask=mask,

@@ -56,6 +56,15 @@ def test_contacts_count_that_were_felt_above_the_table() -> None:
         assert evidence_from_grasps(grasps(FELT, height_m), 0.008).mask.all() == counts
 
 
+def test_a_contact_is_sure_where_best_place_and_most_places_are_on_one_link() -> None:
+    felt = grasps(FELT)
+    felt.estimate.link[:] = 0
+    felt.estimate.link[0, 0, 0, 2] = 2
+    felt.estimate.link_weight[0, 0, 0, 1] = 0.89, 0.11, 0.0
+    found = evidence_from_grasps(felt, 0.008)
+    assert np.flatnonzero(np.isinf(found.contradiction[0])).tolist() == [1, 2]
+
+
 def test_links_of_fingers_that_closed_to_the_end_are_free() -> None:
     status = [ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.SELF_CONTACT,
               ProbeStatus.BLOCKED, *[ProbeStatus.COLLISION] * 3, ProbeStatus.CONTACT]
@@ -75,6 +84,7 @@ def test_a_contact_of_a_link_in_doubt_may_contradict_any_body() -> None:
     felt = grasps(FELT)
     felt.estimate.link_weight[0, 0, 0, 1] = 0.5, 0.4, 0.1
     felt.estimate.link_weight[0, 0, 0, 2] = 0.05, 0.0, 0.95
+    felt.estimate.link[:] = felt.estimate.link_weight.argmax(-1)
     assert evidence_from_grasps(felt, 0.008).contradiction[0].tolist() == [0.0, np.inf, *[0.0] * 6]
 
 
