@@ -13,6 +13,7 @@ from sweeps.analysis.rerun_episode import Episode, WorkerDied, cell_of, rerun_al
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import coarse_mesh, mesh_of_world, quadrilaterals, recovered_grid
 from sweeps.report.surfaces import UNSURE_M, surface_sigma
+from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
@@ -63,7 +64,8 @@ def _picked(place: str, strategy: int, row: np.ndarray) -> Picked:
 def _episodes(plan: Plan, stores: Sequence[Store]) -> list[np.ndarray]:
     """Chamfer distance, object, setting and number of each strategy's episodes, in that order."""
     found: list[list[np.ndarray]] = [[] for _ in plan.study.strategies]
-    for ((strategy, body, setting), _), unit in zip(plan.blocks(), plan.units(), strict=True):
+    units = map(begun_in(stores), plan.units())
+    for ((strategy, body, setting), _), unit in zip(plan.blocks(), units, strict=True):
         rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
         if rows is not None:
             chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
