@@ -97,7 +97,8 @@ def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list
 
 
 def _units(plan: Plan, stores: Sequence[Store]) -> Iterator[tuple[Unit, int]]:
-    """Every unit with the number of its setting, as far as it is there; of a race those of the rungs that are over."""
+    """Every unit, as far as it is there, with the number of its setting; of a race those of the
+    rungs that are over."""
     study = plan.study
     if races := [note for store in stores if (note := race_of(plan, store)) is not None]:
         yield from _race_units(plan, races, stores[0].folder)

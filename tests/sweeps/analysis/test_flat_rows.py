@@ -163,7 +163,7 @@ def test_a_growing_study_has_the_episodes_from_before(
     before = fill(tmp_path / "s", plan_of(tmp_path / "a", text), of_two_hands)
     expected = [pq.read_table(rows_of(before.folder, *words, tmp_path / "a.parquet")).to_pylist()
                 for words in ((), ("--contacts",))]
-    plan = plan_of(tmp_path / "b", text.replace("episodes_per_cell = 70", "episodes_per_cell = 100"))
+    plan = plan_of(tmp_path / "b", text.replace("_cell = 70", "_cell = 100"))
     assert "grown" in before.open_for(plan, None, "cpu")[0]
     capsys.readouterr()
     assert [pq.read_table(rows_of(before.folder, *words, tmp_path / "b.parquet")).to_pylist()
