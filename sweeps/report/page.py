@@ -131,12 +131,12 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
     notes += _unsaid(board.notes, set(notes))
-    shown, folded = ("".join(f"<li>{escape(note)}</li>" for note in part)
+    first, folded = ("".join(f"<li>{escape(note)}</li>" for note in part)
                      for part in (notes[:NOTES], notes[NOTES:]))
     if folded:
         folded = (f"<li><details><summary>{counted(len(notes) - NOTES, 'more note')}</summary>"
                   f"<ul>{folded}</ul></details></li>")
-    return f'<ul class="warnings">{shown}{folded}</ul>' if notes else ""
+    return f'<ul class="warnings">{first}{folded}</ul>' if notes else ""
 
 
 def _unsaid(notes: Sequence[str], said: set[str]) -> Iterator[str]:
