@@ -23,6 +23,7 @@ from sweeps.analysis.entries import (
     value_text,
 )
 from sweeps.output import atomic_file
+from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
 from sweeps.run.race_record import race_of, read_race_note, taken_blocks
 from sweeps.run.store import Store, damaged_notes, open_study
@@ -96,16 +97,18 @@ def write_rows(folders: Sequence[Path], out: Path, what: str) -> tuple[int, list
 
 
 def _units(plan: Plan, stores: Sequence[Store]) -> Iterator[tuple[Unit, int]]:
-    """Every unit with the number of its setting; of a race those of the rungs that are over."""
+    """Every unit, as far as it is there, with the number of its setting; of a race those of the
+    rungs that are over."""
     study = plan.study
     if races := [note for store in stores if (note := race_of(plan, store)) is not None]:
         yield from _race_units(plan, races, stores[0].folder)
         return
+    longest = begun_in(stores)
     for strategy, body, setting in sorted(study.cells()):
         cell = study.cell(strategy, body, setting)
         name = cell_hash(cell, study.objects[body])
         for block in range(plan.block_count):
-            yield plan.unit(cell, name, block), setting
+            yield longest(plan.unit(cell, name, block)), setting
 
 
 def _race_units(plan: Plan, races: Sequence[dict[str, Any]], folder: Path

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import TYPE_CHECKING, Any
@@ -31,6 +32,14 @@ class Episode:
     body: int
     episode: int
     setting: int = 0
+
+
+class WorkerDied(StoreError):
+    """A worker process ended, and again when what it had was given to another."""
+
+    def __init__(self) -> None:
+        super().__init__("a worker process was killed while it ran an episode again; memory may "
+                         "have been short: use fewer --workers, or look at the system's log", 1)
 
 
 def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
@@ -76,29 +85,43 @@ def cell_of(plan: Plan, episode: Episode) -> Cell:
 
 
 def rerun(plan: Plan, episode: Episode) -> "EpisodeBlock":
-    """A block of this one episode; StoreError as `cell_of`."""
+    """A block of this one episode; raises as `rerun_all`."""
     return next(rerun_all(plan, [episode]))
 
 
 def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
               workers: int = 1) -> Iterator["EpisodeBlock"]:
-    """A block of each episode, in order; StoreError as `cell_of`."""
-    tasks = [(cell_of(plan, e), e.episode, device) for e in episodes]
-    if not tasks:
-        return
-    with as_a_worker(), _pool(min(workers, len(tasks))) as pool:
-        blocks = pool.map(_run, tasks)
-        init_warp()  # their bodies bring it here too
-        yield from blocks
+    """A block of each episode, in order; StoreError as `cell_of`.
+
+    What a worker process had that was killed is run once more; raises WorkerDied after that.
+    """
+    left = [(cell_of(plan, e), e.episode, device) for e in episodes]
+    tries = 2
+    while left:
+        with as_a_worker(), _pool(min(workers, len(left))) as pool:
+            try:
+                blocks = pool.map(_run, left)
+                init_warp()  # their bodies bring it here too
+                for block in blocks:
+                    left, tries = left[1:], 2
+                    yield block
+            except BrokenProcessPool:
+                tries, workers = tries - 1, 1  # one alone needs least memory
+        if left and not tries:
+            raise WorkerDied
 
 
 def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:
     """`function(task)` in a process set up as a sweep's workers are.
 
-    Their environment decides the last bits: XLA sums in another order with more threads.
+    Their environment decides the last bits: XLA sums in another order with more threads. Raises
+    WorkerDied where the process is killed.
     """
     with as_a_worker(), _pool(1) as pool:
-        return pool.submit(_quietly, function, task).result()
+        try:
+            return pool.submit(_quietly, function, task).result()
+        except BrokenProcessPool:
+            raise WorkerDied from None
 
 
 def _pool(workers: int) -> ProcessPoolExecutor:

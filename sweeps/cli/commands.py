@@ -25,7 +25,7 @@ from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 from sweeps.text_table import print_table
-from warpgrasp.core.plain_text import on_one_line
+from warpgrasp.core.plain_text import counted, on_one_line
 
 # Columns that fit a terminal, after the means and their intervals; the file has them all.
 SHOWN = ("p_best", "iou", "recognized", "touches",
@@ -65,11 +65,11 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
         if outcome.done + outcome.failed == 0:
             note(f"{folder}: finished already, {outcome.kept} units")
         if shard[1] == 1:
-            before = store.damaged
+            before = store.damaged + len(store.stuck)
             first = plan_of(store)  # the same study in its first spec's order: bootstraps go by it
             board = make_leaderboard(first, [store])
-            if store.damaged > before:  # seen only by reading every row
-                note(f"{store.damaged - before} damaged units are run again; see {store.logs}")
+            if damaged := store.damaged + len(store.stuck) - before:  # seen by reading every row
+                note(f"running {counted(damaged, 'damaged unit')} again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
                 board = make_leaderboard(first, [store])
             write_atomic(folder / "leaderboard.csv", board.csv())
@@ -77,10 +77,9 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     if shard[1] > 1:
         note(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
     if outcome.failed:
-        note(f"{outcome.failed} units failed; see {store.logs}/*.failed.log")
+        note(f"{counted(outcome.failed, 'unit')} failed; see {store.logs}/*.failed.log")
     if outcome.lost:
-        say(f"{outcome.lost} units were lost: they were run, and their files are not there; "
-            "run the sweep again")
+        say(f"{counted(outcome.lost, 'unit')} lost: run, and no file is there; run the sweep again")
     return SOME_FAILED if outcome.failed or outcome.lost else DONE
 
 

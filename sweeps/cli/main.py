@@ -1,5 +1,6 @@
 """The command line. Commands import what they need when they run, so that help answers at once."""
 
+import errno
 import gc
 import os
 import sys
@@ -11,6 +12,8 @@ from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, Usag
 
 # Imported for the commands that they add to the app.
 GROUPS = (study, look, explore, hands, arms, measure, machine)
+DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""Errors after which the same command may succeed: nothing is wrong with what was asked."""
 GARBAGE_AFTER = (500_000, 20, 20)
 """Objects made before the youngest are searched for garbage, and searches before older ones are.
 Imports make many objects and no garbage: Python's own 700 cost a tenth of a command's time, and a
@@ -76,7 +79,8 @@ def _explain(error: Exception) -> int:
     if isinstance(error, StoreError):
         return _refuse(str(error), error.exit_code)
     if isinstance(error, OSError):
-        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", SOME_FAILED)
+        code = SOME_FAILED if error.errno in DISK else BAD_USAGE
+        return _refuse(f"{error.filename or 'warpgrasp'}: {error.strerror or error}", code)
     if type(error).__name__ in ("LeaderboardError", "ObjectError", "BodyError", "WaypointError",
                                 "PointsError", "HandError", "ArmError"):
         return _refuse(str(error))

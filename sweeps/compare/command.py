@@ -105,7 +105,9 @@ def _shared_text(shared: Shared, shift: Shift) -> str:
     """What both have, in a few lines."""
     one, other = shift.episodes
     episodes = f"{one} pairs of the same object, number and noise" if _is_paired(shared) else (
-        f"{one} of A and {other} of B, not all of them paired")
+        f"{one} of A and {other} of B, "
+        + ("not all of them paired" if shared.same_seed
+           and any(match.same_noise for match in shared.matches) else "none of them paired"))
     return "\n".join([
         "shared by A and B",
         f"  strategies: {on_one_line(', '.join(shared.strategies))}",

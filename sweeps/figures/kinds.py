@@ -132,7 +132,7 @@ def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strate
     check_metric(metric)
     plan, stores = (open_study if kind in OF_EPISODE else open_sweep)(folders)
     asked = Asked(plan, stores, metric, strategy, object_, episode, over)
-    if kind == "contacts" and out.suffix == ".csv":
+    if kind == "contacts" and out.suffix.lower() == ".csv":
         content = contacts_of_episode(asked)
     else:
         content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))

@@ -10,9 +10,12 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from sweeps.output import note
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -32,6 +35,12 @@ UNITS = {
     "recognized": "recognized [1]", "touches": "touches", "robot_time_s": "robot time [s]",
     "arm_path_m": "arm path [m]", "fit_rms_mm": "rms of the fit [mm]",
 }
+FALLBACKS = ("Noto Sans CJK JP", "Noto Sans CJK SC", "Noto Sans JP", "Noto Sans SC",
+             "Noto Sans KR", "WenQuanYi Zen Hei", "WenQuanYi Micro Hei", "IPAGothic", "IPAexGothic",
+             "Droid Sans Fallback", "Hiragino Sans", "Arial Unicode MS", "Yu Gothic",
+             "Microsoft YaHei", "Malgun Gothic")
+"""Fonts for letters that the font of figures has not, as far as they are installed."""
+_BOX = r"Glyph \d+ .* missing from"
 _STYLE: dict[str, Any] = {
     "font.size": 7.0, "axes.titlesize": 7.5, "axes.labelsize": 7.0, "legend.fontsize": 6.5,
     "xtick.labelsize": 6.5, "ytick.labelsize": 6.5, "axes.spines.top": False,
@@ -47,15 +56,40 @@ _STYLE: dict[str, Any] = {
 def drawing() -> Iterator[None]:
     """Matplotlib's settings for our figures; also a decorator of functions that draw.
 
-    It warns of names whose letters its font has not, which are drawn as boxes, and of axes on which
+    It warns of names whose letters its fonts have not, which is noted once, and of axes on which
     all is at one place. Neither is an error of the user's.
     """
     import matplotlib
 
-    with matplotlib.rc_context(_STYLE), warnings.catch_warnings():  # type: ignore
-        for told in (r"Glyph \d+ .* missing from", "Attempting to set identical low and high"):
-            warnings.filterwarnings("ignore", told, UserWarning)
+    style = _STYLE | {"font.family": _fonts()}
+    with matplotlib.rc_context(style), warnings.catch_warnings():  # type: ignore
+        shown = warnings.showwarning
+
+        def show(message: Warning | str, *rest: Any, **named: Any) -> None:
+            if re.search(_BOX, str(message)):
+                _note_boxes()
+            else:
+                shown(message, *rest, **named)
+
+        warnings.filterwarnings("always", _BOX, UserWarning)
+        warnings.filterwarnings("ignore", "Attempting to set identical low and high", UserWarning)
+        warnings.showwarning = show
         yield
+
+
+@cache
+def _fonts() -> list[str]:
+    """The font of figures, then those of other scripts that are installed."""
+    from matplotlib.font_manager import fontManager
+
+    there = {entry.name for entry in fontManager.ttflist}
+    return ["DejaVu Sans", *(name for name in FALLBACKS if name in there)]
+
+
+@cache
+def _note_boxes() -> None:
+    note("no font here has some letters of the names: figures show them as boxes; one such as Noto "
+         "Sans CJK is taken where it is installed")
 
 
 def figure(height_in: float, width_in: float = COLUMN_IN) -> "Figure":
@@ -67,6 +101,7 @@ def figure(height_in: float, width_in: float = COLUMN_IN) -> "Figure":
 
 def encode(drawn: "Figure", file_format: str) -> bytes:
     """The bytes of a figure; `file_format` one of FORMATS, else LeaderboardError."""
+    file_format = file_format.lower()
     if file_format not in FORMATS:
         from sweeps.analysis.entries import LeaderboardError
         from sweeps.spec.errors import choose

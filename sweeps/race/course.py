@@ -19,6 +19,7 @@ from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
+from warpgrasp.core.plain_text import counted
 
 
 @dataclass
@@ -73,10 +74,10 @@ class Course:
     def _once_more(self, damaged: list[Unit]) -> list[Unit]:
         """Units whose rows turned out to be damaged are run again, once."""
         if twice := self.again & {unit.id for unit in damaged}:
-            raise StoreError(f"{self.units.store.folder}: {len(twice)} units were damaged twice; "
-                             f"see {self.units.store.logs}", 1)
+            raise StoreError(f"{self.units.store.folder}: {counted(len(twice), 'unit')} damaged "
+                             f"twice; see {self.units.store.logs}", 1)
         self.again |= {unit.id for unit in damaged}
-        note(f"{len(damaged)} damaged units are run again; see {self.units.store.logs}")
+        note(f"running {counted(len(damaged), 'damaged unit')} again; see {self.units.store.logs}")
         return damaged
 
     def _line(self, look: Look) -> str:

@@ -33,10 +33,14 @@ from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
+from warpgrasp.core.plain_text import counted
 
 METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
 MANY_FAIL = 0.2
+POPULATIONS = {"these": "these objects", "like-these": "objects like these"}
+NOTES = 6
+"""Notes that stand open on the page."""
 NAMED = 5
 """Entries that a warning names; the others are counted."""
 
@@ -81,16 +85,19 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
     head = plan.study.head
     first = board.rows[0]
     best = dict(zip(board.header, first, strict=True))
-    asked = (f"{len(plan.study.strategies)} strategies, {len(plan.study.objects)} objects, "
-             f"{head.episodes_per_cell} episodes of each strategy on each object"
+    strategies, objects = len(plan.study.strategies), len(plan.study.objects)
+    stem = f"{METRIC}_{'these' if paired.over == 'these' else 'ci'}"
+    asked = (f"{strategies} strateg{'y' if strategies == 1 else 'ies'}, "
+             f"{counted(objects, 'object')}, {counted(head.episodes_per_cell, 'episode')} of each "
+             "strategy on each object"
              + (f" under each of {plan.study.settings_each} settings" if plan.study.axes else ""))
     return [
         '<a class="skip" href="#board">To the leaderboard</a><header>',
         f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),
         paragraph("No strategy has a score." if best[METRIC] == "NA" else
                   f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
-                  f"interval of objects like these {best[METRIC + '_ci_low']} to "
-                  f"{best[METRIC + '_ci_high']}), IoU {best['iou']}. {_rivals(board)}", "lead"),
+                  f"interval of {POPULATIONS[paired.over]} {best[stem + '_low']} to "
+                  f"{best[stem + '_high']}), IoU {best['iou']}. {_rivals(board)}", "lead"),
         "</header><main>", _warnings(board, paired, shown),
         leaderboard_section(board, paired, METRIC), curves_section(curves),
         pareto_section(paired, METRIC), objects_section(paired, METRIC),
@@ -116,8 +123,7 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     notes = list(dict.fromkeys([*paired.notes, *shown.notes]))
     if (option := interval_note(paired.over)) in notes:  # a page takes no options
         notes[notes.index(option)] = ("where one interval is shown, it is of "
-                                      + ("these objects" if paired.over == "these" else
-                                         "objects like these"))
+                                      + POPULATIONS[paired.over])
     at, name = board.header.index("failure_rate"), board.header.index("strategy")
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:
@@ -125,8 +131,12 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
         notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
                      f"{', '.join(failing[:NAMED])}{more}")
     notes += _unsaid(board.notes, set(notes))
-    items = "".join(f"<li>{escape(note)}</li>" for note in notes)
-    return f'<ul class="warnings">{items}</ul>' if notes else ""
+    first, folded = ("".join(f"<li>{escape(note)}</li>" for note in part)
+                     for part in (notes[:NOTES], notes[NOTES:]))
+    if folded:
+        folded = (f"<li><details><summary>{counted(len(notes) - NOTES, 'more note')}</summary>"
+                  f"<ul>{folded}</ul></details></li>")
+    return f'<ul class="warnings">{first}{folded}</ul>' if notes else ""
 
 
 def _unsaid(notes: Sequence[str], said: set[str]) -> Iterator[str]:

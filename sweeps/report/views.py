@@ -9,10 +9,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.entries import values_of
-from sweeps.analysis.rerun_episode import Episode, cell_of, rerun_all
+from sweeps.analysis.rerun_episode import Episode, WorkerDied, cell_of, rerun_all
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import coarse_mesh, mesh_of_world, quadrilaterals, recovered_grid
 from sweeps.report.surfaces import UNSURE_M, surface_sigma
+from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
@@ -63,7 +64,8 @@ def _picked(place: str, strategy: int, row: np.ndarray) -> Picked:
 def _episodes(plan: Plan, stores: Sequence[Store]) -> list[np.ndarray]:
     """Chamfer distance, object, setting and number of each strategy's episodes, in that order."""
     found: list[list[np.ndarray]] = [[] for _ in plan.study.strategies]
-    for ((strategy, body, setting), _), unit in zip(plan.blocks(), plan.units(), strict=True):
+    units = map(begun_in(stores), plan.units())
+    for ((strategy, body, setting), _), unit in zip(plan.blocks(), units, strict=True):
         rows = next((rows for store in stores if (rows := store.read(unit)) is not None), None)
         if rows is not None:
             chamfer, same = values_of(rows, "chamfer_mm"), np.ones(len(rows["episode"]))
@@ -95,27 +97,37 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
     shown = [pick for pick in picked if not missing[pick.episode]]
     differ = 0
     blocks = rerun_all(plan, [pick.episode for pick in shown], device, workers)
-    for number, (pick, block) in enumerate(zip(shown, blocks, strict=True), 1):
-        say(f"episode {number} of {len(shown)} for the 3-D views")
-        body = plan.study.objects[pick.episode.body].name
-        if body not in bodies:
-            bodies[body] = body_data(block.body)
-        placed = block.exploration.placed
-        again = float(block.scores.chamfer_m[0] * 1e3)
-        differ += again != pick.chamfer_mm
-        episodes.append({
-            "place": pick.place, "strategy": plan.study.strategies[pick.episode.strategy].name,
-            "object": body, "episode": pick.episode.episode, "chamfer_mm": round(again, 3),
-            "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
-            **surface_data(block),
-            **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
-                           placed.points_m[0][placed.mask[0]])})
-    notes = []
+    died = ""
+    try:
+        for number, (pick, block) in enumerate(zip(shown, blocks, strict=True), 1):
+            say(f"episode {number} of {len(shown)} for the 3-D views")
+            body = plan.study.objects[pick.episode.body].name
+            if body not in bodies:
+                bodies[body] = body_data(block.body)
+            episodes.append(_view(plan, pick, block))
+            differ += float(block.scores.chamfer_m[0] * 1e3) != pick.chamfer_mm
+    except WorkerDied as error:
+        died = (f"{len(shown) - len(episodes)} of {len(shown)} episodes are missing from the 3-D "
+                f"views: {error}")
+        say(died)
+    notes = [died] if died else []
     notes += [f"no episode of it is shown: {why}" for why in sorted(set(missing.values()) - {""})]
     if differ:
         notes.append(f"{differ} of the episodes shown have other results than in the sweep: this "
                      "is another machine, or another version")
     return Views(bodies, episodes, notes)
+
+
+def _view(plan: Plan, pick: Picked, block: EpisodeBlock) -> dict[str, Any]:
+    """What the page shows of one episode."""
+    placed = block.exploration.placed
+    return {"place": pick.place, "strategy": plan.study.strategies[pick.episode.strategy].name,
+            "object": plan.study.objects[pick.episode.body].name, "episode": pick.episode.episode,
+            "chamfer_mm": round(float(block.scores.chamfer_m[0] * 1e3), 3),
+            "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
+            **surface_data(block),
+            **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
+                           placed.points_m[0][placed.mask[0]])}
 
 
 def _missing(plan: Plan, episode: Episode) -> str:

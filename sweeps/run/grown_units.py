@@ -7,7 +7,7 @@ and the two are joined to the file that a run of the whole unit would have writt
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -49,6 +49,25 @@ def begun(unit: Unit, earlier: Sequence[int], there: set[str]) -> Unit | None:
         if part.id in there:
             return part
     return None
+
+
+def begun_in(stores: Sequence[Store]) -> Callable[[Unit], Unit]:
+    """What gives a unit, or in its place the longest part that was a unit before the study grew,
+    where that is all that is there of it; `Store.growing` says so then."""
+    known = [(store, store.unit_ids(), store.earlier()) for store in stores]
+
+    def longest(unit: Unit) -> Unit:
+        if any(unit.id in there or store.log(unit).exists() for store, there, _ in known):
+            return unit
+        parts = [(part, store) for store, there, earlier in known
+                 if (part := begun(unit, earlier, there))]
+        if not parts:
+            return unit
+        part, store = max(parts, key=lambda found: found[0].stop)
+        store.growing = True
+        return part
+
+    return longest
 
 
 def rest_of(unit: Unit, part: Unit) -> Unit:

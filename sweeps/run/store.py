@@ -1,5 +1,6 @@
 """The directory of a study: a unit is done if its file exists; there is no other record."""
 
+import errno
 import fcntl
 import json
 import os
@@ -25,10 +26,15 @@ from sweeps.run.unit_file import (
     read_unit,
 )
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
+from warpgrasp.core.plain_text import counted
 
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
              "race.csv", "race.svg", "search.csv", "sensitivity.toml", "sensitivity.csv",
              "sensitivity.md")
+
+
+def _unreadable(file: Path, error: OSError) -> StoreError:
+    return StoreError(f"{file}: cannot be read: {error.strerror}")
 
 
 PROBE_BYTES = 1 << 16
@@ -56,6 +62,7 @@ class Store:
         self.contacts = folder / "contacts"
         self.logs = folder / "logs"
         self.damaged = 0  # units set aside so far
+        self.stuck: set[Path] = set()  # damaged files that cannot be moved
         self.growing = False  # blocks were read as they were before the study grew
 
     def refuse_other_files(self) -> None:
@@ -141,6 +148,8 @@ class Store:
             before = json.loads((self.folder / "environment.json").read_bytes())
         except (ValueError, RecursionError, FileNotFoundError):
             before = None
+        except OSError as error:
+            raise _unreadable(self.folder / "environment.json", error) from None
         if not isinstance(before, dict):  # damaged: nothing is known of it
             before = {}
         changed = [f"{key}: {before.get(key)} -> {now.get(key)}"
@@ -162,7 +171,7 @@ class Store:
             raise StoreError(f"{self.folder}: holds no study; `warpgrasp sweep SPEC.toml -o "
                              f"{self.folder}` makes one") from None
         except OSError as error:
-            raise StoreError(f"{file}: cannot be read: {error.strerror}") from None
+            raise _unreadable(file, error) from None
         except (ValueError, RecursionError):
             raise StoreError(f"{file}: is damaged; remove it and run the sweep again, "
                              "finished units are kept") from None
@@ -207,6 +216,8 @@ class Store:
         except DamagedUnit as error:
             self.set_aside(path, str(error))
             return None
+        except OSError as error:
+            raise _unreadable(path, error) from None
 
     def contact_types(self, unit: Unit) -> dict[str, Any]:
         """The names and types of the columns of a unit's contacts; none where they are not there.
@@ -229,19 +240,24 @@ class Store:
             return False
         except IsADirectoryError:
             pass
+        except OSError as error:
+            if error.errno != errno.ELOOP:
+                raise _unreadable(path, error) from None
         self.set_aside(path, "does not end as a unit file does")
         return False
 
     def set_aside(self, path: Path, reason: str) -> None:
         """Moves a damaged unit file to the logs, under the name UNIT.damaged; of contacts,
-        UNIT.contacts.damaged."""
-        self.damaged += 1
+        UNIT.contacts.damaged. Where it cannot be moved, the unit still counts as missing."""
         name = path.stem if path.parent == self.units else contacts_id(path.stem)
         try:
             os.replace(path, self.logs / f"{name}.damaged")
-            write_atomic(self.logs / f"{name}.damaged.log", f"{reason}\n".encode())
         except OSError:
-            pass  # read-only: the unit still counts as missing
+            self.stuck.add(path)
+            return
+        self.damaged += 1
+        with suppress(OSError):
+            write_atomic(self.logs / f"{name}.damaged.log", f"{reason}\n".encode())
 
     @contextmanager
     def lock(self, shard: tuple[int, int]) -> Iterator[None]:
@@ -268,22 +284,26 @@ class Store:
                           0)
             except OSError as error:
                 raise self._unwritable(error) from None
-            if len(self.holders()) == 1:  # nobody else is writing: what is left is of killed runs
+            if len(self.holders(unknown=True)) == 1:  # nobody else writes: killed runs left these
                 self._remove_temporaries()
             yield
         finally:
             os.close(descriptor)
 
-    def holders(self) -> dict[str, str]:
-        """Who works on this directory right now, by shard (`1-of-3`)."""
+    def holders(self, unknown: bool = False) -> dict[str, str]:
+        """Who works on this directory right now, by shard (`1-of-3`). Of a lock that may not be
+        read it is `unknown`; asked for, it stands there as held."""
         found: dict[str, str] = {}
         for file in sorted(self.folder.glob(".lock-*")):
-            with file.open("rb") as stream:
-                try:
-                    fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                except BlockingIOError:
-                    shard = file.name.removeprefix(".lock-")
-                    found[shard] = stream.read(200).decode(errors="replace")
+            shard = file.name.removeprefix(".lock-")
+            try:
+                with file.open("rb") as stream:
+                    try:
+                        fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+                    except BlockingIOError:
+                        found[shard] = stream.read(200).decode(errors="replace")
+            except PermissionError:
+                found |= {shard: ""} if unknown else {}
         return found
 
     def note(self, shard: str) -> Path:
@@ -348,9 +368,11 @@ def damaged_notes(stores: Sequence[Store]) -> list[str]:
     growing = [f"{store.folder}: the study has grown, and not every entry has more episodes yet: "
                "where one has not, those from before count; run the sweep again to go on"
                for store in stores if store.growing]
-    return growing + [
-        f"{store.damaged} damaged units were set aside; see {store.logs}; run the sweep again to "
-        "repeat them" for store in stores if store.damaged]
+    stuck = [f"{counted(len(store.stuck), 'damaged file')} cannot be moved to {store.logs}, and "
+             "left out" for store in stores if store.stuck]
+    return growing + stuck + [
+        f"{counted(store.damaged, 'damaged unit')} set aside; see {store.logs}; run the sweep "
+        "again to repeat what is missing" for store in stores if store.damaged]
 
 
 def plan_of(store: Store) -> Plan:

@@ -16,6 +16,7 @@ from sweeps.spec.study import REFITTED
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")
+BEST = "best"
 KEYS = ("name", "waypoints", "closings", "order", "strategy", "options", "budget", *NUMBERS)
 
 
@@ -52,6 +53,10 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
     if name == REFERENCE:
         problems.add((*path, "name"), f"is {name!r}, which every leaderboard has as its reference "
                      "row; leave it out, or give the strategy another name")
+        return None
+    if name == BEST:
+        problems.add((*path, "name"), f"is {name!r}, which --against takes for the leaderboard's "
+                     "first; give the strategy another name")
         return None
     if set(table) <= {"name"}:
         if name not in STRATEGIES:

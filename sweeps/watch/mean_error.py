@@ -7,7 +7,8 @@ import numpy as np
 
 from sweeps.analysis.curves import KNOWN, Steps, on_grid
 
-POINTS = 40
+POINTS = 64
+"""Of a curve: at each step of its episodes where there are no more."""
 ByObject = Mapping[str, Sequence[Steps]]
 """Each episode's steps, by object."""
 
@@ -32,7 +33,9 @@ def _mean_error(objects: ByObject, worst: Mapping[str, float]) -> list[tuple[flo
     every = [steps for of_object in objects.values() for steps in of_object]
     if not any(len(at) > 1 for at, _ in every):
         return []
-    grid = np.unique(np.round(np.linspace(0.0, max(float(at[-1]) for at, _ in every), POINTS)))
+    grid = np.unique(np.concatenate([at[np.isfinite(at)] for at, _ in every]))
+    if len(grid) > POINTS:
+        grid = grid[np.round(np.linspace(0, len(grid) - 1, POINTS)).astype(int)]
     means, known = [], []
     for name, of_object in objects.items():
         values = np.array([

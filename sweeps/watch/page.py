@@ -25,7 +25,7 @@ FRAME = """\
 <figcaption>Entries that took part in each rung, by the episodes of each object that they had \
 after it.</figcaption></figure></section>
 <section id="error" hidden><h2>Error against touches</h2><figure><svg class="plot" role="img"></svg>
-<figcaption></figcaption></figure></section>
+<ul id="legend"></ul><figcaption></figcaption></figure></section>
 </div>
 <section id="failures"><h2>Failures</h2><p class="soft" id="nofailure">No episode failed so far.</p>
 <div class="scroll"><table><tbody id="reasons"></tbody></table></div><ul id="units"></ul></section>

@@ -7,6 +7,7 @@ from typing import Any
 
 from sweeps.run.progress import read_note
 from sweeps.run.store import Store
+from warpgrasp.core.plain_text import counted
 
 FAILED_SHOWN = 8
 LOG_BYTES = 4096
@@ -91,7 +92,7 @@ def pace_facts(pace: Pace, left: int | None) -> list[tuple[str, str]]:
     """The rate, and how long the rest takes at it (of a race: of the rung)."""
     if not pace.running:
         return []
-    found = [("in hand", f"{pace.in_hand} unit{'s' * (pace.in_hand != 1)}")]
+    found = [("in hand", counted(pace.in_hand, "unit"))]
     if pace.units_per_s > 0:
         found.append(("rate", f"{pace.units_per_s:.3g} units/s"))
         if left is not None:

@@ -23,6 +23,7 @@ from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import Row, State, failed_units, failures_of, pace_facts, pace_of
 from sweeps.watch.unit_rows import UnitReader, UnitRows
+from warpgrasp.core.plain_text import counted
 
 ROWS = 100
 CURVES = 6
@@ -132,6 +133,7 @@ class SweepView:
             self.found[entry].setdefault(body, Found()).add(unit, rows)
         for name in self.reader.damaged.keys() - there:
             del self.reader.damaged[name]
+        self.reader.unreadable &= there
 
     def _leave_out(self, entry: int, body: int, unit: Unit) -> None:
         found = self.found[entry].get(body, Found())
@@ -156,10 +158,13 @@ class SweepView:
             notes.append("Entries have met different objects so far: their means cannot be "
                          "compared yet. Those that have met most are first.")
         if self.reader.damaged:
-            notes.append(f"{len(self.reader.damaged)} damaged units are left out")
+            notes.append(f"{counted(len(self.reader.damaged), 'damaged unit')} left out")
+        if unreadable := self.reader.unreadable:
+            notes.append(f"{counted(len(unreadable), 'unit')} cannot be read: permission denied")
         about = (f"95 % intervals of these objects, with other episodes, which may be read "
-                 f"at any time: an entry has {self.looks:,} units, and each look takes an equal "
-                 "share of the 5 %. Worse: than the first, of all pairs together.")
+                 f"at any time: an entry has {counted(self.looks, 'unit')}, and each look takes "
+                 "an equal share of the 5 %. Behind: over the episodes that both have. Worse: "
+                 "than the first, of all pairs together.")
         return State("sweep", self.plan.study.head.name or self.store.folder.name, pace.running,
                      self._headline(rows, done), tuple(facts), done / max(total, 1), self.metric,
                      about, tuple(rows[:ROWS]), max(0, len(rows) - ROWS), (),

@@ -40,6 +40,7 @@ class UnitReader:
         self.units, self.logs, self.metric = units, logs, metric
         self.known: dict[str, UnitRows] = {}
         self.damaged: dict[str, tuple[int, int]] = {}  # with the time and size of their files
+        self.unreadable: set[str] = set()  # units whose files may not be read
 
     def read(self, unit: Unit) -> UnitRows | None:
         """A unit's rows; of one set aside as failed, episodes that all failed; None if it is not
@@ -60,8 +61,12 @@ class UnitReader:
                 return None
             rows = read_unit(file, unit.id, count)
             self.damaged.pop(unit.id, None)
+            self.unreadable.discard(unit.id)
         except DamagedUnit:
             self.damaged[unit.id] = stamp
+            return None
+        except PermissionError:
+            self.unreadable.add(unit.id)
             return None
         except OSError:
             self.damaged.pop(unit.id, None)

@@ -26,6 +26,11 @@ def on_one_line(text: str) -> str:
     return printable(text).replace("\n", r"\n").replace("\t", r"\t")
 
 
+def counted(count: int, name: str) -> str:
+    """A number of things: "1 unit", "1,200 units"."""
+    return f"{count:,} {name}{'s' * (count != 1)}"
+
+
 def csv_cell(text: str) -> str:
     """A cell that a spreadsheet takes for text: with an apostrophe before what begins a formula.
 

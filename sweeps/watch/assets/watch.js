@@ -43,11 +43,12 @@ function drawHead(state) {
 const HEADINGS = ["", "strategy", "", "", "behind", "", "episodes", "touches"];
 
 function drawBoard(state) {
-  at("about").textContent = state.about;
   at("head").replaceChildren(...HEADINGS.map((name, n) => node("th",
     {scope: "col", class: n === 3 ? "plot" : n === 1 || n === 5 ? "text" : ""},
     n === 2 ? state.metric : name)));
   const scale = scaleOf(state.rows);
+  at("about").textContent = state.about + (state.rows.some(row => isCut(row, scale))
+    ? " An arrow: it goes on beyond the scale." : "");
   if (state.rows.length) at("head").cells[3].append(axisOf(scale));
   at("rows").replaceChildren(...state.rows.map((row, n) => node("tr", {class: row.verdict || "open"},
     node("td", {}, `${n + 1}`), node("th", {scope: "row", title: row.label}, short(row.label)),
@@ -58,14 +59,19 @@ function drawBoard(state) {
   at("more").textContent = state.more ? `and ${count(state.more)} more` : "";
 }
 
-// From the best entries' values: what is far behind is drawn at the edge.
+// Holds the interval of the first entry, and of the others what is not too far from it.
 function scaleOf(rows) {
-  const means = rows.map(row => row.mean).filter(value => value !== null).sort((a, b) => a - b);
-  const ends = rows.filter(row => row.verdict !== "worse").flatMap(row => [row.low, row.high])
-    .filter(value => value !== null);
-  const middle = means.slice(0, Math.ceil(0.9 * means.length));
-  const all = [...middle, ...ends.filter(value => Math.abs(value - middle[0]) <
-    3 * (middle[middle.length - 1] - middle[0]) + Math.abs(0.3 * middle[0]))];
+  const known = rows.filter(row => row.mean !== null), first = known[0];
+  if (!first) return {low: 0, high: 1};
+  const far = value => Math.abs(value - first.mean);
+  const sorted = known.map(row => row.mean).sort((a, b) => far(a) - far(b));
+  const most = far(sorted[Math.ceil(0.9 * sorted.length) - 1]);
+  const means = sorted.filter(value => far(value) <= 1.5 * most);
+  const own = [first.low, first.high].filter(value => value !== null);
+  const reach = 3 * Math.max(most + 0.1 * Math.abs(first.mean), ...own.map(far));
+  const ends = known.filter(row => row.verdict !== "worse").flatMap(row => [row.low, row.high])
+    .filter(value => value !== null && far(value) <= reach);
+  const all = [...means, ...own, ...ends];
   let low = Math.min(...all), high = Math.max(...all);
   if (!(high > low)) [low, high] = [low - 0.5, high + 0.5];
   const room = 0.05 * (high - low);
@@ -94,12 +100,30 @@ function forest(row, scale) {
     svg.append(mark("line", {class: "zero", x1: place(tick, scale), x2: place(tick, scale), y1: 0,
       y2: TALL}));
   if (row.mean === null) return svg;
-  const low = place(row.low ?? scale.low, scale), high = place(row.high ?? scale.high, scale);
-  svg.append(mark("title", {}, `${number(row.low, 3)} to ${number(row.high, 3)}`));
-  svg.append(mark("line", {class: kind, x1: low, x2: high, y1: TALL / 2, y2: TALL / 2,
-    "stroke-width": 3, "stroke-linecap": "round", opacity: 0.55}));
-  svg.append(mark("circle", {class: kind, cx: place(row.mean, scale), cy: TALL / 2, r: 4}));
+  const known = row.low !== null && row.high !== null, middle = TALL / 2;
+  svg.append(mark("title", {}, known ? `${number(row.low, 3)} to ${number(row.high, 3)}`
+    : "no interval yet"));
+  if (known) {
+    svg.append(mark("line", {class: kind, x1: place(row.low, scale), x2: place(row.high, scale),
+      y1: middle, y2: middle, "stroke-width": 3, opacity: 0.55}));
+    for (const end of new Set([row.low, row.high])) svg.append(endOf(end, scale, kind));
+  }
+  svg.append(side(row.mean, scale) ? endOf(row.mean, scale, kind)
+    : mark("circle", {class: kind, cx: place(row.mean, scale), cy: middle, r: 4}));
   return svg;
+}
+
+// -1 or 1 where a value lies to the left or right of the scale.
+const side = (value, scale) => value < scale.low ? -1 : value > scale.high ? 1 : 0;
+const isCut = (row, scale) => row.mean !== null &&
+  [row.mean, row.low ?? row.mean, row.high ?? row.mean].some(value => side(value, scale));
+
+// The end of a bar: a tick, or an arrow where it goes on beyond the scale.
+function endOf(value, scale, kind) {
+  const x = place(value, scale), y = TALL / 2, beyond = side(value, scale);
+  if (!beyond) return mark("line", {class: kind, x1: x, x2: x, y1: y - 4, y2: y + 4, "stroke-width": 2});
+  const tip = x + 4 * beyond, base = x - 4 * beyond;
+  return mark("polygon", {class: kind, points: `${tip},${y} ${base},${y - 5} ${base},${y + 5}`});
 }
 
 function ticks(low, high, wanted) {
@@ -168,6 +192,8 @@ function drawSurvivors(state) {
   }
 }
 
+const NAMED = 6;
+
 function drawError(state) {
   const dots = state.rows.filter(row => row.touches !== null && row.mean !== null);
   at("error").hidden = !dots.length;
@@ -183,23 +209,26 @@ function drawError(state) {
   const [x, y] = chart(svg, linear(Math.max(0, left), right, 6), linear(Math.max(0, low), high, 5),
     ["touches", state.metric]);
   const curved = state.metric === "chamfer_mm" ? state.curves : [];
+  const named = dots.slice(0, NAMED), colour = row => `l-${named.indexOf(row)}`;
   for (const [name, points] of [...curved].reverse()) {
-    const row = dots.find(other => other.label === name);
-    const line = mark("path", {class: `line c-${row ? row.verdict || "open" : "open"}`,
-      d: points.map(([a, b], n) => `${n ? "L" : "M"}${x(a)} ${y(b)}`).join(""), opacity: 0.7});
+    const row = named.find(other => other.label === name);
+    if (!row || !points.length) continue;
+    const steps = points.map(([a, b], n) => `${n ? "H" : "M"}${x(a)}${n ? "V" : " "}${y(b)}`);
+    const line = mark("path", {class: `line ${colour(row)}`, d: steps.join("")});
     line.append(mark("title", {}, name));
     svg.append(line);
   }
   for (const row of [...dots].reverse()) {
-    const best = row.verdict === "best";
-    const dot = mark("circle", {class: `c-${row.verdict || "open"}${row.verdict === "worse" ? " dim" : ""}`,
-      cx: x(row.touches), cy: y(row.mean), r: best ? 6 : 3.5});
+    const dot = mark("circle", {class: colour(row), cx: x(row.touches), cy: y(row.mean),
+      r: row === dots[0] ? 6 : 4});
     dot.append(mark("title", {}, `${row.label}: ${number(row.mean, 3)} after ${number(row.touches, 1)}`));
     svg.append(dot);
   }
+  at("legend").replaceChildren(...named.map(row => node("li", {class: colour(row), title: row.label},
+    short(row.label))), ...(dots.length > NAMED ? [node("li", {class: "l--1"}, "others")] : []));
   at("error").querySelector("figcaption").textContent = "A dot an entry, at its mean number of " +
-    "touches" + (curved.length ? "; lines: mean error after each fit, of the first entries, over " +
-    "their first 64 episodes of each object." : ". The large one is the first.");
+    "touches; the large one is the first." + (curved.length ? " Lines: mean error after each fit, " +
+    "of the first entries, over their first 64 episodes of each object." : "");
 }
 
 function drawFailures(state) {

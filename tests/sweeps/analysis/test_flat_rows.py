@@ -156,6 +156,23 @@ def test_failed_units_are_told_apart_from_missing_ones(
     assert "1 of 8 units are missing" in said
 
 
+def test_a_growing_study_has_the_episodes_from_before(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """70 episodes a cell are 64 and 6, which a run of 100 has in a unit of 36."""
+    text = SMALL.replace("seed = 7", 'seed = 7\nkeep = "contacts"')
+    before = fill(tmp_path / "s", plan_of(tmp_path / "a", text), of_two_hands)
+    expected = [pq.read_table(rows_of(before.folder, *words, tmp_path / "a.parquet")).to_pylist()
+                for words in ((), ("--contacts",))]
+    plan = plan_of(tmp_path / "b", text.replace("_cell = 70", "_cell = 100"))
+    assert "grown" in before.open_for(plan, None, "cpu")[0]
+    capsys.readouterr()
+    assert [pq.read_table(rows_of(before.folder, *words, tmp_path / "b.parquet")).to_pylist()
+            for words in ((), ("--contacts",))] == expected
+    assert "the study has grown, and not every entry has more episodes yet" in (
+        capsys.readouterr().err)
+    assert len(read_rows(before.folder)) == len(expected[0])
+
+
 @pytest.mark.parametrize("words", [["table", "objects"], ["rows", "-o", "rows.csv"]])
 def test_damaged_units_are_told_by_whoever_finds_them(
         tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch,
@@ -167,7 +184,7 @@ def test_damaged_units_are_told_by_whoever_finds_them(
     file.write_bytes(file.read_bytes()[:200])
     capsys.readouterr()
     assert cli.run([words[0], "s", *words[1:]]) == 0
-    assert (f"1 damaged units were set aside; see {Path('s') / 'logs'}; run the sweep again"
+    assert (f"1 damaged unit set aside; see {Path('s') / 'logs'}; run the sweep again"
             in capsys.readouterr().err)
 
 

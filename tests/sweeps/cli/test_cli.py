@@ -84,7 +84,7 @@ def test_a_sweep_ends_with_its_leaderboard(
     content[len(content) // 3] ^= 0xFF  # of values: some bytes of headers tell nothing
     unit.write_bytes(content)
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0
-    assert "1 damaged units are run again" in capsys.readouterr().err
+    assert "running 1 damaged unit again" in capsys.readouterr().err
     assert board.read_bytes() == (out / "leaderboard.csv").read_bytes()
 
     assert cli.run(["sweep", str(spec), "-o", str(out), "--set", "seed=8"]) == 3

@@ -192,6 +192,8 @@ def test_other_noise_is_not_paired(tmp_path: Path, capsys: pytest.CaptureFixture
     found = compared(capsys, one, other, "--over", "these", "--metric", "touches")
     assert not found["shared"]["paired"]
     assert any("not paired" in note for note in found["notes"])
+    assert cli.run(["compare", str(one), str(other)]) == 0
+    assert "of B, none of them paired" in capsys.readouterr().out
     plans = [plan_of(folder, spec) for folder, spec in ((one, first), (other, text))]
     values = [np.concatenate([fake_episodes.rows_of(
         u.cell, np.arange(u.start, u.stop))["touches"] for u in plan.units()]) for plan in plans]

@@ -231,6 +231,32 @@ def test_a_count_of_notes_goes_with_them(tmp_path: Path) -> None:
     assert MORE not in text
 
 
+@pytest.mark.parametrize(("objects", "over", "words"), [
+    (1, "these", "of these objects"), (3, "ci", "of objects like these")])
+def test_the_interval_of_the_first_is_the_one_that_is_shown(
+        tmp_path: Path, objects: int, over: str, words: str) -> None:
+    plan, store = wide_study(tmp_path, wide_text(1, objects, 8))
+    board = make_leaderboard(plan, [store])
+    best = dict(zip(board.header, board.rows[0], strict=True))
+    low, high = best[f"chamfer_mm_{over}_low"], best[f"chamfer_mm_{over}_high"]
+    page = make_report(plan, [store], views=False).decode()
+    assert low != "NA"
+    assert f"(95 % interval {words} {low} to {high})" in page
+    assert f">1 strategy, {objects} object{'s' * (objects > 1)}, 8 episodes of each" in page
+
+
+def test_all_but_the_first_notes_are_folded(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    plan, store = wide_study(tmp_path, wide_text(1, 1, 8))
+    notes = [f"note {n}" for n in range(20)]
+    monkeypatch.setattr(sweeps.report.page, "_unsaid", lambda *_: notes)
+    page = make_report(plan, [store], views=False).decode()
+    shown, folded = page.split('<ul class="warnings">')[1].split("<details>")[:2]
+    assert shown.count("<li>") == 7  # the last one holds the others
+    assert [note for note in notes if f"<li>{note}</li>" not in shown + folded] == []
+    assert re.search(r"<summary>\d+ more notes</summary>", folded)
+
+
 def test_what_has_no_interval_is_drawn_without(tmp_path: Path) -> None:
     """With one episode, no attribute holds nan or inf."""
     plan, store = wide_study(tmp_path, wide_text(2, 1, 1))

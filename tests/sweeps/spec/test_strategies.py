@@ -52,6 +52,15 @@ def test_what_is_wrong_with_a_strategy_is_told_with_its_line(
     assert all(f"{file}:" in problem.where for problem in error.value.problems)
 
 
+@pytest.mark.parametrize("name", ["given-prior", "best"])
+def test_names_that_mean_something_else_are_refused(tmp_path: Path, name: str) -> None:
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE.replace("mine", name)}'
+                    'waypoints = { kind = "ring" }\n')
+    with pytest.raises(SpecError, match=rf"study\.toml:4: .*is '{name}', which"):
+        read_spec(file)
+
+
 @pytest.mark.parametrize("line", ['order = ["planar"]', 'waypoints = { kind = "ring" }',
                                   "refit_every = 2"])
 def test_keys_that_say_nothing_of_a_ready_made_planner(tmp_path: Path, line: str) -> None:

@@ -12,7 +12,7 @@ from fake_episodes import run_episodes
 from scipy.stats import t
 from studies import fill, plan_of, write_spec
 
-from sweeps.analysis.curves import grid_of, mean_curve, read_curves
+from sweeps.analysis.curves import mean_curve, read_curves
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.cli import main as cli
 from sweeps.run import worker
@@ -129,7 +129,7 @@ def test_nothing_is_written_and_what_is_damaged_is_left(tmp_path: Path) -> None:
     state = View(out, "chamfer_mm").state()
     assert snapshot(out) == before
     assert dict(state.facts)["units"] == f"{len(units) - 1} of {len(units)}"
-    assert "1 damaged units are left out" in state.notes
+    assert "1 damaged unit left out" in state.notes
     assert state.failed_units == ("strategy ant: ValueError: no such luck",)
     assert dict(state.failures)["unit_failed"] == 64
 
@@ -189,7 +189,16 @@ def test_curves_are_those_of_the_report(tmp_path: Path) -> None:
         grid = np.array([at for at, _ in points])
         expected = mean_curve(found, "touches", entry, grid).value
         assert [error for _, error in points] == pytest.approx(expected.tolist(), abs=1e-3)
-    assert grid_of(found, "touches")[-1] >= state.curves[0][1][-1][0]
+
+
+def test_a_curve_has_every_fit_of_its_episodes_beside_a_longer_one() -> None:
+    short = [(np.array([8.0, 16.0, 24.0]), np.array([9.0, 7.0, 5.0])),
+             (np.array([8.0, 17.0]), np.array([9.0, 3.0]))]
+    at = np.arange(1.0, 601.0)
+    one, long = mean_errors([{"block": short}, {"block": [(at, 600.0 / at)]}])
+    assert one == [(8.0, 9.0), (16.0, 8.0), (17.0, 5.0), (24.0, 4.0)]
+    assert (long[0], long[-1]) == ((1.0, 600.0), (600.0, 1.0))
+    assert len(long) == 64
 
 
 def test_episodes_that_were_fitted_once_have_no_curve() -> None:
