@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "environment": ["PACKAGES", "describe_environment"],
     "estimate": ["estimate_cost"],
     "false_contacts": ["false_contact_warnings"],
-    "grown_units": ["kept_units", "reuse_units"],
+    "grown_units": ["begun_in", "kept_units", "reuse_units"],
     "inputs": ["kept_cell"],
     "local_engine": ["Options", "UNIT_TIMEOUT_S", "as_a_worker", "run",
                      "terminated_as_interrupted"],
