@@ -22,8 +22,8 @@ from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.mechanism.utah_mit_weight import link_weights, weight_bounds
+from warpgrasp.misfit import LARGEST_ERROR
 from warpgrasp.parameters import (
-    LARGEST_ERROR,
     ArmTable,
     ContactTable,
     ErrorTable,
@@ -80,9 +80,9 @@ def draw_calibration(
     Utah-MIT hand's.
 
     Normal, cut at three standard deviations; the mount's axes are not cut. Raises ValueError where
-    factors could be zero or less.
+    factors could be zero or less; those of pads are asked where a pad is to feel.
     """
-    if wrong := table.misfit():
+    if wrong := table.misfit(pads=False):
         raise ValueError(wrong)
     stream = counter_key(key, int(Purpose.CALIBRATION))
 
