@@ -9,8 +9,8 @@ from dataclasses import dataclass, field, fields
 from math import ceil, erfc, expm1, inf, log1p, pi, radians, sqrt
 from typing import Any
 
-from warpgrasp.misfit import factor_misfit, pad_width_misfit
 from warpgrasp.spec_words import reckoned, spec_words
+from warpgrasp.table_misfit import factor_misfit, pad_length_misfit, pad_width_misfit
 
 TAXELS = 16
 """Rows and columns of a pad [paper]."""
@@ -248,10 +248,9 @@ class PadTable:
         """Why pads of this size do not fit the hand's links; empty where they do."""
         for link, on in enumerate((self.proximal, self.middle, self.distal)):
             bent = self.wrap_rad * (hand.link_radius_m + self.thickness_m) if link == 2 else 0.0
-            if on and not 0.0 <= self.length_m - bent <= hand.link_length_m[link]:
-                return (f"pad of {self.length_m * 1e3:g} mm does not fit link {link} of "
-                        f"{hand.link_length_m[link] * 1e3:g} mm; should be {bent * 1e3:.3g} to "
-                        f"{(bent + hand.link_length_m[link]) * 1e3:.3g} mm long")
+            if on and (wrong := pad_length_misfit(link, self.length_m, bent,
+                                                  hand.link_length_m[link])):
+                return wrong
         on = self.proximal or self.middle or self.distal
         return pad_width_misfit(self.width_m, hand.link_radius_m + self.thickness_m) if on else ""
 

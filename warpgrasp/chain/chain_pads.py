@@ -12,9 +12,9 @@ import numpy as np
 
 from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
 from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace, vector_of
-from warpgrasp.misfit import pad_width_misfit
 from warpgrasp.parameters import PadTable
 from warpgrasp.spec_words import reckoned
+from warpgrasp.table_misfit import pad_width_misfit
 
 _PARALLEL = 0.95
 """Cosine between a link's longest capsule and others that bear its pad with it."""

@@ -22,7 +22,6 @@ from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.mechanism.utah_mit_weight import link_weights, weight_bounds
-from warpgrasp.misfit import LARGEST_ERROR
 from warpgrasp.parameters import (
     ArmTable,
     ContactTable,
@@ -30,6 +29,7 @@ from warpgrasp.parameters import (
     HandTable,
     SensorTable,
 )
+from warpgrasp.table_misfit import LARGEST_ERROR
 
 _ARM_LENGTHS = ("d1", "d3", "d4", "a2", "a3")
 _ARM_LEVER_M, _MOUNT_LEVER_M = 0.5, 0.15
