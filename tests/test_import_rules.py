@@ -15,8 +15,8 @@ import pytest
 from places import ROOT
 
 FLOORS = {
-    "warpgrasp": ["spec_words", "parameters", "probe_status", "motion_cost", "core", "geometry",
-                  "objects", "hands", "arms", "mechanism", "chain", "finger", "rubbing",
+    "warpgrasp": ["spec_words", "table_misfit", "parameters", "probe_status", "motion_cost", "core",
+                  "geometry", "objects", "hands", "arms", "mechanism", "chain", "finger", "rubbing",
                   "hand_rest", "closing", "chain_closing", "touch", "sight", "export",
                   "hand_capsules", "robot_hand", "robot"],
     "fit": ["fit_status", "rotation", "arrays", "optimize", "prepare", "superquadric",

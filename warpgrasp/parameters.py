@@ -10,6 +10,7 @@ from math import ceil, erfc, expm1, inf, log1p, pi, radians, sqrt
 from typing import Any
 
 from warpgrasp.spec_words import reckoned, spec_words
+from warpgrasp.table_misfit import factor_misfit, pad_length_misfit, pad_width_misfit
 
 TAXELS = 16
 """Rows and columns of a pad [paper]."""
@@ -146,10 +147,6 @@ class ContactTable:
         return ContactTable(joint_stops=False, weight=False, self_contact=False, friction=0.0)
 
 
-LARGEST_ERROR = 3.0
-"""Standard deviations: no robot leaves the bench with more."""
-
-
 @spec_words
 @dataclass(frozen=True)
 class ErrorTable:
@@ -174,12 +171,10 @@ class ErrorTable:
     pad_gain_share: float = _number(0.10, 0.0, 0.5, "gain of each pad as a whole [est]")
     scale: float = _number(1.0, 0.0, 10.0, "factor of all of these; 0: the tables are true")
 
-    def misfit(self) -> str:
-        """Why factors of the hand could be zero or less; empty where none can."""
-        most = self.scale * max(self.link_length_share, self.moment_arm_share, self.pad_gain_share)
-        return "" if most * LARGEST_ERROR < 1.0 else (
-            f"errors of links' lengths, moment arms or pads' gains of {100 * most:g} % (with their "
-            f"scale) make some zero or less; should be below {100 / LARGEST_ERROR:.0f} %")
+    def misfit(self, pads: bool = True) -> str:
+        """Why a factor could be zero or less, with `pads` also of their gains; empty where none."""
+        named = ("link_length_share", "moment_arm_share", *["pad_gain_share"] * pads)
+        return factor_misfit({name: self.scale * getattr(self, name) for name in named})
 
     @staticmethod
     def none() -> "ErrorTable":
@@ -253,11 +248,11 @@ class PadTable:
         """Why pads of this size do not fit the hand's links; empty where they do."""
         for link, on in enumerate((self.proximal, self.middle, self.distal)):
             bent = self.wrap_rad * (hand.link_radius_m + self.thickness_m) if link == 2 else 0.0
-            if on and not 0.0 <= self.length_m - bent <= hand.link_length_m[link]:
-                return (f"pad of {self.length_m * 1e3:g} mm does not fit link {link} of "
-                        f"{hand.link_length_m[link] * 1e3:g} mm; should be {bent * 1e3:.3g} to "
-                        f"{(bent + hand.link_length_m[link]) * 1e3:.3g} mm long")
-        return ""
+            if on and (wrong := pad_length_misfit(link, self.length_m, bent,
+                                                  hand.link_length_m[link])):
+                return wrong
+        on = self.proximal or self.middle or self.distal
+        return pad_width_misfit(self.width_m, hand.link_radius_m + self.thickness_m) if on else ""
 
     def insensitive(self) -> str:
         """Why no force changes a reading; empty where forces do."""

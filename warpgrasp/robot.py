@@ -256,10 +256,13 @@ class Robot:
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.
 
-        Raises ValueError for a pose that is no place and unit quaternion.
+        Raises ValueError for a pose that is no place and unit quaternion, and where errors could
+        make the gain of a pad zero or less.
         """
         from warpgrasp.touch.guarded_motion import guarded_line
 
+        if wrong := self._true.errors.misfit():
+            raise ValueError(wrong)
         _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)

@@ -85,6 +85,7 @@ class _Follower:
             options.most_sections is None) else np.full(worlds, options.most_sections)
         self.missed = np.zeros(worlds, int)
         self.rejected = np.zeros(worlds, int)
+        self.unfelt = np.zeros(worlds, bool)  # a finger was stopped above the table
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.frames = np.tile(np.eye(3), (worlds, 2, 1, 1))
@@ -261,7 +262,9 @@ class _Follower:
             self.backed_off_m[rows[passed]] - _BACK_OFF_M, 0.0)
         gone = (status == ProbeStatus.UNREACHABLE).any(1)
         stopped = ~both & ~nothing & ~gone & ~passed
-        self.rejected[rows] += (status == ProbeStatus.BLOCKED).sum(1)
+        blocked = status == ProbeStatus.BLOCKED
+        self.rejected[rows] += blocked.sum(1)
+        self.unfelt[rows] |= (blocked & ~low).any(1)
         self._steer(rows[both], thumb, index, np.flatnonzero(both))
         self.section[rows] += 1
         self.missed[rows] = np.where(stopped, self.missed[rows] + 1, 0)
@@ -271,8 +274,8 @@ class _Follower:
         # Before the first touch the search goes on along the axis, up to its end.
         never = nothing & np.isnan(self.found[rows])
         nothing &= ~never
-        self.reason[rows[never & (self.place[rows] > self.axis.length_m[rows])]] = (
-            EndReason.NO_CONTACT)
+        past = rows[never & (self.place[rows] > self.axis.length_m[rows])]
+        self.reason[past] = np.where(self.unfelt[past], EndReason.BLOCKED, EndReason.NO_CONTACT)
         self._shift_from(rows[stopped], status[stopped])
         going = ~stopped & ~passed
         self._advance(rows[going], nothing[going])

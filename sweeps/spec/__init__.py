@@ -4,10 +4,11 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "SECTIONS", "TABLES", "batch_key", "own_code"],
-    "checks": ["arms_of", "feels_with_pads", "in_column", "swept_points", "told_of"],
+    "checks": ["arms_of", "closes_fingers", "feels_with_pads", "in_column", "swept_points",
+        "told_of"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
-    "hands": ["hands_of", "read_hand"],
+    "hands": ["TORQUES", "hands_of", "read_hand", "sense_of"],
     "named_files": ["KEPT", "UNSWEPT", "names_of", "read_arm",
         "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],

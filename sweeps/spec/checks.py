@@ -131,10 +131,10 @@ JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
 """Fields of `ErrorTable` that say nothing of a floating wrist."""
 ERROR_KEYS = ("errors.link_length_pct", "errors.moment_arm_pct", "errors.pad_gain_pct",
               "errors.scale")
-KEYS = ("pads.length_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal", "pads.middle",
-        "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm", "pads.newton_ohm",
-        "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind", "hand.link_length_mm",
-        "hand.link_radius_mm")
+KEYS = ("pads.length_mm", "pads.width_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal",
+        "pads.middle", "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm",
+        "pads.newton_ohm", "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind",
+        "hand.link_length_mm", "hand.link_radius_mm")
 
 
 def check_used(study: Study, problems: Problems) -> None:
@@ -177,8 +177,11 @@ def check_used(study: Study, problems: Problems) -> None:
 
 
 def check_errors(study: Study, problems: Problems) -> None:
-    """Notes the first setting under which a true robot could have a factor of zero or less."""
-    note_misfit(study, ERROR_KEYS, lambda tables: tables["errors"].misfit(), ("errors",), problems)
+    """Notes the first setting under which a true robot could have a factor of zero or less; of
+    pads' gains, if any strategy feels."""
+    feels = feels_with_pads(study) or study.searches("strategy.order")
+    note_misfit(study, ERROR_KEYS, lambda tables: tables["errors"].misfit(feels), ("errors",),
+                problems)
 
 
 def check_pads(study: Study, problems: Problems) -> None:

@@ -29,18 +29,19 @@ CLOSINGS_KEY = "strategy.closings"
 COUNTS = ("kind", "mount_length_m", "palm_thickness_m", "joint_stop_Nm_rad", "link_density_kg_m3",
           "skin_stiffness_N_m")
 """Fields of `HandTable` that count for every hand."""
-_TENSIONS, _TORQUES, _SWITCHES, _NOTHING = (
+_TENSIONS, TORQUES, _SWITCHES, _NOTHING = (
     "tendon tensions", "joint torques", "switches in the tips", "nothing")
-_SENSES = {"tendons": _TORQUES, "joint_torques": _TORQUES, "tip_switches": _SWITCHES,
+_SENSES = {"tendons": TORQUES, "joint_torques": TORQUES, "tip_switches": _SWITCHES,
            "nothing": _NOTHING}
 """What is read, by what a hand's file says; tendons of the Utah-MIT hand alone are read as such."""
 _READ_BY = {
     "tendon_threshold_N": (_TENSIONS,), "tension_noise_N": (_TENSIONS,),
-    "tension_step_N": (_TENSIONS,), "tension_readings": (_TENSIONS, _TORQUES),
-    "torque_threshold_Nm": (_TORQUES,), "torque_noise_Nm": (_TORQUES,),
-    "torque_step_Nm": (_TORQUES,), "torque_friction_Nm": (_TORQUES,),
+    "tension_step_N": (_TENSIONS,), "tension_readings": (_TENSIONS, TORQUES),
+    "torque_threshold_Nm": (TORQUES,), "torque_noise_Nm": (TORQUES,),
+    "torque_step_Nm": (TORQUES,), "torque_friction_Nm": (TORQUES,),
     "switch_force_N": (_SWITCHES,)}
 """Fields of `SensorTable` that count for hands of some senses only."""
+_MOUNT_KEY = "hand.mount_length_mm"
 _CLOSED_BY = ("hand.kind", "hand.link_density_kg_m3", "contact.weight", "contact.self_contact")
 """Keys by which a hand can be closed or not."""
 _WEIGHED = ("hand.joint_stiffness_Nm_rad", "hand.link_density_kg_m3", "hand.link_length_mm",
@@ -98,6 +99,9 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     if len(hands) > 1 and _sides(study) != {"both"}:
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
+    for path in places_of_swept(study, _MOUNT_KEY, problems) if _sides(study) != {"both"} else ():
+        problems.add(path, "arm and hand share the mount, and a robot knows it; should be swept "
+                     'with robot.swept = "both" alone')
     if UTAH_MIT in hands:
         for keys, misfit in ((_BUILT, _overlaps), (_WEIGHED, _hangs)):
             note_misfit(with_ends(study, keys), keys, misfit, ("hand",), problems)
@@ -135,14 +139,14 @@ def _misfit(tables: Mapping[str, Any]) -> str:
 
 def _unread(hands: set[str]) -> dict[str, str]:
     """Fields of `[sensors]` that no hand reads, and what to say of them."""
-    senses = {_sense(kind) for kind in hands}
+    senses = {sense_of(kind) for kind in hands}
     read = [name for name, by in _READ_BY.items() if senses & {*by}]
     told = f"says nothing of this study's hands, which sense {' or '.join(sorted(senses))}"
     advice = f"; of those count {spec_keys(read)}" if read else ""
     return {name: told + advice for name in _READ_BY if name not in read}
 
 
-def _sense(kind: str) -> str:
+def sense_of(kind: str) -> str:
     """What a hand's fingers feel beside their joint angles."""
     if kind == UTAH_MIT:
         return _TENSIONS
@@ -211,8 +215,8 @@ def _closing_names(kind: str) -> tuple[Collection[str], str]:
 def _sides(study: Study) -> set[str]:
     """Whose tables the study sweeps, at all of its settings."""
     key = "robot.swept"
-    swept = {point[axis.keys.index(key)] for axis in study.axes if key in axis.keys
-             for point in axis.si}
+    swept = {point[axis.keys.index(key)] for axis in with_ends(study, (key,)).axes
+             if key in axis.keys for point in axis.si}
     return swept or {study.tables["robot"].swept}
 
 

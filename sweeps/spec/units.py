@@ -141,9 +141,15 @@ def _message(detail: Any, known: Mapping[str, SpecField]) -> str:
     given = f"is {short(detail['input'])}; "
     if field.choices:
         return given + choose(detail["input"], field.choices)
-    if field.high < inf and detail["type"] not in ("list_type", "too_short", "too_long"):
+    bounds = f"from {_text(field.low)} to {_text(field.high)}"
+    if detail["type"] in ("list_type", "too_short", "too_long"):
+        each_from = f", each {bounds}" if field.high < inf else ""
+        return f"{given}should be a list of {len(field.default)} numbers{each_from}"
+    if field.kind is bool:
+        return f"{given}should be true or false"
+    if field.high < inf:
         number = "a whole number" if field.kind is int else "a number"
-        return f"{given}should be {number} from {_text(field.low)} to {_text(field.high)}"
+        return f"{given}should be {number} {bounds}"
     said = detail["msg"].removeprefix("Input ").removeprefix("Value ")
     return f"{given}{said[:1].lower()}{said[1:]}"
 

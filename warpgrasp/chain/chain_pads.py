@@ -14,6 +14,7 @@ from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
 from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace, vector_of
 from warpgrasp.parameters import PadTable
 from warpgrasp.spec_words import reckoned
+from warpgrasp.table_misfit import pad_width_misfit
 
 _PARALLEL = 0.95
 """Cosine between a link's longest capsule and others that bear its pad with it."""
@@ -67,6 +68,8 @@ def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, 
                 f"not fit link {name} {what}; [pads] length_mm of "
                 f"{'a spec' if hand.model.pad_size is None else 'the file of the hand'} should be "
                 f"{fits}")
+        if wrong := pad_width_misfit(pads.width_m, place.radius + pads.thickness_m):
+            raise HandError(f"{hand.model.name}: finger {model.name}, link {name}: {wrong}")
         found.append(place)
     return tuple(found)
 

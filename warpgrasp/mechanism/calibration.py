@@ -23,13 +23,13 @@ from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, LINK_COUNT, hand_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.mechanism.utah_mit_weight import link_weights, weight_bounds
 from warpgrasp.parameters import (
-    LARGEST_ERROR,
     ArmTable,
     ContactTable,
     ErrorTable,
     HandTable,
     SensorTable,
 )
+from warpgrasp.table_misfit import LARGEST_ERROR
 
 _ARM_LENGTHS = ("d1", "d3", "d4", "a2", "a3")
 _ARM_LEVER_M, _MOUNT_LEVER_M = 0.5, 0.15
@@ -80,9 +80,9 @@ def draw_calibration(
     Utah-MIT hand's.
 
     Normal, cut at three standard deviations; the mount's axes are not cut. Raises ValueError where
-    factors could be zero or less.
+    factors could be zero or less; those of pads are asked where a pad is to feel.
     """
-    if wrong := table.misfit():
+    if wrong := table.misfit(pads=False):
         raise ValueError(wrong)
     stream = counter_key(key, int(Purpose.CALIBRATION))
 

@@ -227,6 +227,16 @@ def test_dead_pads_block_and_say_so() -> None:
     assert (e.rejected > 0).all()
 
 
+def test_dead_pads_are_told_where_the_start_is_off_the_object_too() -> None:
+    """Fingers strike it in some sections and pass it in others."""
+    robot, _ = set_up("small_cylinder", 4, pads=replace(PadTable(), dead_fraction=1.0))
+    turn, one = np.arange(4), np.ones(4)
+    e = explore_contour(robot, Axis.upright(
+        0.45 + 0.02 * np.cos(turn), 0.03 * np.sin(1 + turn), 0.1 * one, 0.04 * one))
+    assert (e.rejected > 0).all()
+    assert (e.reason == EndReason.BLOCKED).all()
+
+
 def test_an_eccentric_start_is_steered_back() -> None:
     robot, _ = set_up("beer_bottle", 8)
     azimuth = np.arange(8) * np.pi / 4

@@ -27,6 +27,9 @@ PADS = [
     (WIDE + '[sweep.grid]\n"object.x_mm" = [450, 460]\n"hand.link_radius_mm" = [8, 20]\n'
      '"pads.wrap_deg" = [10, 80]\n', "spec.toml:14: sweep: with hand.link_radius_mm = 20, "
      "pads.wrap_deg = 80: pad of 25.4 mm does not fit link 2"),
+    ("[pads]\nwidth_mm = 30\n", "spec.toml:12: pads.width_mm: pad of 30 mm is wider than the "
+     "palmar half of a link; width_mm should be 28.3 mm at most"),
+    ("[hand]\nlink_radius_mm = 2\n", "spec.toml:12: hand.link_radius_mm: pad of 12.7 mm is wider"),
     ("[pads]\nrest_ohm = 500\n", "spec.toml:12: pads.rest_ohm: pad of 1000 ohm under load"),
     ("[pads]\nfloor_N = 5\n", "spec.toml:12: pads.floor_N: taxels feel from 5 N on"),
 ]
@@ -59,12 +62,45 @@ def test_pads_fit_their_links_where_a_strategy_feels(
     ("[sensors]\njoint_noise_deg = 1\n", ""),
     ('order = ["contour"]\n[sensors]\njoint_noise_deg = 1\n', "past pads.yield_deg = 1.5"),
     ("[sensors]\ntension_step_N = 2\n", "steps of 2 N are large beside noise of 0.3 N"),
+    ('order = ["planar"]\n[sensors]\ntendon_threshold_N = 1\ntension_step_N = 2\n', ""),
 ])
 def test_a_threshold_that_noise_passes_is_told(
         tmp_path: Path, more: str, says: str) -> None:
-    found = "".join(false_contact_warnings(read_spec(write_spec(tmp_path, SMALL + more))))
+    """That of tendons only where fingers close."""
+    alone = SMALL.replace('name = "ring6"', 'name = "ring6"\norder = ["planar"]')
+    text = (alone if "planar" in more else SMALL) + more
+    found = "".join(false_contact_warnings(read_spec(write_spec(tmp_path, text))))
     assert says in found
     assert bool(found) == bool(says)
+
+
+@pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])
+@pytest.mark.parametrize(("more", "says"), [
+    ("", ""), ("[sensors]\ntorque_step_Nm = 0.006\n", ""),
+    ("[sensors]\ntorque_friction_Nm = 0.1\n", "of torques read up to 0.115 N m where nothing"),
+    ("[sensors]\ntorque_noise_Nm = 0.05\n", "fingers stop from 0.05 N m on: some contacts"),
+    ('[sweep.grid]\n"sensors.torque_threshold_Nm" = [0.05, 0.005]\n',
+     "with sensors.torque_threshold_Nm = 0.005: friction and noise of torques read up to 0.025"),
+    ("[sensors]\ntorque_step_Nm = 0.2\n", "steps of 0.2 N m are large beside noise of 0.003 N m"),
+])
+def test_a_threshold_that_noise_of_torques_passes_is_told(
+        tmp_path: Path, hand: str, more: str, says: str) -> None:
+    """Steps of 0.2 N m swallow friction and noise."""
+    text = f'hand = "{hand}"\n' + SMALL + more
+    found = [*false_contact_warnings(read_spec(write_spec(tmp_path, text)))]
+    assert len(found) == bool(says)
+    assert says in "".join(found)
+    feels = SMALL.replace('name = "ring6"', 'name = "ring6"\norder = ["planar"]')
+    text = f'hand = "{hand}"\n' + feels + 'order = ["planar"]\n' + more
+    assert not [*false_contact_warnings(read_spec(write_spec(tmp_path, text)))]
+
+
+def test_a_sweep_of_hands_is_told_of_those_that_read_torques(tmp_path: Path) -> None:
+    sensors = "[sensors]\ntorque_noise_Nm = 0.05\ntendon_threshold_N = 1\n"
+    text = SMALL + sensors + '[sweep.grid]\nhand = ["utah_mit", "allegro"]\n'
+    tendons, torques = false_contact_warnings(read_spec(write_spec(tmp_path, text)))
+    assert tendons.startswith("with hand.kind = utah_mit: friction and noise of tendons")
+    assert torques.startswith("with hand.kind = allegro: friction and noise of torques")
 
 
 @pytest.mark.parametrize(("more", "place", "says"), [
@@ -147,19 +183,28 @@ def test_a_place_without_a_column_is_taken(tmp_path: Path) -> None:
     read_spec(write_spec(tmp_path, SMALL + together))
 
 
-@pytest.mark.parametrize(("more", "place"), [
-    ("[errors]\nscale = 4\n", "11: errors.scale"),
-    ("[errors]\npad_gain_pct = 40\n", "11: errors.pad_gain_pct"),
-    ('[sweep.grid]\n"errors.scale" = [1, 3, 5]\n', "10: sweep"),
-    ('[search]\n"errors.scale" = { low = 1, high = 6 }\n', "7: search")])
+FEELS = 'order = ["contour"]\n'
+
+
+@pytest.mark.parametrize(("more", "place", "says"), [
+    (FEELS + "[errors]\nscale = 4\n", "12: errors.scale", "pad_gain_pct times scale is 40 %"),
+    (FEELS + "[errors]\npad_gain_pct = 40\n", "12: errors.pad_gain_pct", "pad_gain_pct times"),
+    ("[errors]\nlink_length_pct = 10\nscale = 4\n", "11: errors.link_length_pct",
+     "link_length_pct times scale is 40 %"),
+    ("[errors]\nscale = 7\n", "11: errors.scale", "moment_arm_pct times scale is 35 %"),
+    ('[sweep.grid]\n"errors.scale" = [1, 3, 7]\n', "10: sweep", "moment_arm_pct times scale is"),
+    ('[search]\n"errors.scale" = { low = 1, high = 6.7 }\n', "7: search", "is 33.5 %")])
 def test_errors_that_turn_a_factor_round_are_refused(
-        tmp_path: Path, more: str, place: str) -> None:
+        tmp_path: Path, more: str, place: str, says: str) -> None:
     """Tendons would be read with the wrong sign, and pads be dead."""
     text = SMALL[:SMALL.rindex("[[")] if "search" in more else SMALL  # which is of one strategy
-    says, = refusals(tmp_path, text + more)
-    assert says.startswith(f"{tmp_path}/spec.toml:{place}: ")
-    assert "make some zero or less; should be below 33 %" in says
+    found, = refusals(tmp_path, text + more)
+    assert found.startswith(f"{tmp_path}/spec.toml:{place}: ")
+    assert says in found
+    assert found.endswith("which would make a factor zero or less; should be below 33 %")
 
 
 def test_errors_as_large_as_they_may_be_are_taken(tmp_path: Path) -> None:
-    read_spec(write_spec(tmp_path, SMALL + "[errors]\nscale = 3.3\n"))
+    """Gains of pads do not count where nothing feels with them."""
+    read_spec(write_spec(tmp_path, SMALL + "[errors]\nscale = 6.6\n"))
+    read_spec(write_spec(tmp_path, SMALL + FEELS + "[errors]\nscale = 3.3\n"))

@@ -115,6 +115,23 @@ def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
     assert "a robot knows which hand it has" in told(tmp_path, text)
 
 
+@pytest.mark.parametrize(("more", "place"), [
+    ('[robot]\nswept = "truth"\n[sweep.grid]\n"hand.mount_length_mm" = [100, 110]\n',
+     ":8: sweep.grid.'hand.mount_length_mm': "),
+    ('[robot]\nswept = "belief"\n[search]\n"hand.mount_length_mm" = { low = 90, high = 110 }\n',
+     ":8: search.'hand.mount_length_mm': "),
+    ('[sweep.grid]\n"robot.swept" = ["both", "truth"]\n"hand.mount_length_mm" = [100, 110]\n',
+     ":7: sweep.grid.'hand.mount_length_mm': ")])
+def test_a_robot_knows_how_long_its_mount_is(tmp_path: Path, more: str, place: str) -> None:
+    said = told(tmp_path, HEAD + RING + more)
+    assert f'{place}arm and hand share the mount' in said
+    assert 'should be swept with robot.swept = "both" alone' in said
+
+
+def test_the_mount_of_both_robots_is_swept(tmp_path: Path) -> None:
+    read(tmp_path, HEAD + RING + '[sweep.grid]\n"hand.mount_length_mm" = [100, 110]\n')
+
+
 LENGTHS = '"hand.link_length_mm" = [[40, 30, 25], [43, 33, 28]]\n'
 TORQUES = '"sensors.torque_threshold_Nm" = [0.05, 0.1]\n'
 SWITCH = '"sensors.switch_force_N" = [0.5, 1.0]\n'
@@ -179,6 +196,20 @@ def test_pads_that_do_not_fit_the_hand_are_refused(tmp_path: Path) -> None:
     assert "pads.length_mm: leap: finger index: pad of 15 mm does not fit link 3" in said
     assert "[pads] length_mm of a spec should be" in said
     read(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + feels + ALONE + "[pads]\nlength_mm = 30.0\n")
+
+
+@pytest.mark.parametrize("hand", ["utah_mit", "allegro", "leap", "barrett"])
+def test_pads_as_they_ship_fit_their_hands(tmp_path: Path, hand: str) -> None:
+    for order in ("planar", "contour"):
+        read(tmp_path, HEAD + f'hand = "{hand}"\n' + RING + f'order = ["{order}"]\n' + ALONE)
+
+
+def test_a_pad_around_its_link_is_refused(tmp_path: Path) -> None:
+    wide = hand_text(hand_named("allegro")).replace("width_mm = 12.7", "width_mm = 45.0")
+    (tmp_path / "my_hand.toml").write_text(wide)
+    said = told(tmp_path, HEAD + 'hand = "my_hand.toml"\n' + RING + 'order = ["planar"]\n' + ALONE)
+    assert ("finger index, link joint_3.0: pad of 45 mm is wider than the palmar half of a link; "
+            "width_mm should be 42.1 mm at most") in said
 
 
 def test_a_pad_on_a_ball_is_told_its_length(tmp_path: Path) -> None:

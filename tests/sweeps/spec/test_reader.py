@@ -131,10 +131,13 @@ BAD_TABLES = [
      "you mean tendon_threshold_N?"),
     ('[sensors]\ncontact_estimator = "tip"', "is 'tip'; there are: fingertip, intrinsic"),
     ("[hand]\nlink_radius_m = 0.008", "did you mean link_radius_mm?"),
-    ("[hand]\nlink_length_mm = [40, 30]", "hand.link_length_mm: is [40, 30]; "),
+    ("[hand]\nlink_length_mm = [40, 30]", "hand.link_length_mm: is [40, 30]; "
+     "should be a list of 3 numbers, each from 5 to 200"),
+    ("[arm]\nspeed_deg_s = 82", "arm.speed_deg_s: is 82; should be a list of 6 numbers, each from "
+     "0.05729577951 to "),
     ("[hand]\nflexion_low_deg = [95, 0, 0]", "spec.toml:11: hand.flexion_low_deg: "
      "flexion_low_deg should be below flexion_high_deg"),
-    ("[fit]\ntaper = 1", "fit.taper: is 1; should be a valid boolean"),
+    ("[fit]\ntaper = 1", "fit.taper: is 1; should be true or false"),
     ("[sweep]\ngrd = 1", "sweep.grd: unknown key; did you mean grid?"),
     ("[sweep.grid]", "spec.toml:10: sweep.grid: is empty"),
     ('[sweep.grid]\n"sensors.tendon_threshold_N" = []', "should be a list of at least one value"),
@@ -156,8 +159,10 @@ BAD_TABLES = [
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = { low = 2, high = 1 }', "low 2 should be below high 1"),
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = [1, 2]', "should be a range such as"),
     ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = [40, 30], high = [50, 40] }',
-     "hand.link_length_mm'.low: is [40, 30]; list should have at least 3 items"),
-    ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = 40, high = [50, 40, 30] }', "is 40; "),
+     "hand.link_length_mm'.low: is [40, 30]; should be a list of 3 numbers, each from 5 to "
+     "200"),
+    ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = 40, high = [50, 40, 30] }', "is 40; "
+     "should be a list of 3 numbers, each from 5 to 200"),
     ('[sweep.lhs]\nn = 4\n"hand.link_length_mm" = { low = [40, 30, 20], high = [50, 29, 30] }',
      "low [40, 30, 20] should be below high [50, 29, 30]"),
     ('[sweep.lhs]\nn = 4\n"object.x_mm" = { low = -5000, high = 1 }', "is -5000; should be"),

@@ -297,6 +297,12 @@ def test_bodies_and_fingers_that_there_are_not_are_refused() -> None:
               HandTable(), SensorTable())
 
 
+def test_a_gain_that_errors_could_turn_round_is_refused_where_a_pad_is_to_feel() -> None:
+    robot, _ = robot_before_block(2, errors=ErrorTable(scale=4.0))
+    with pytest.raises(ValueError, match="pad_gain_pct times scale is 40 %"):
+        poke(robot)
+
+
 def test_the_path_goes_by_way_of_the_start() -> None:
     robot, _ = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
     stood = poke(robot).hand_pose[0, :3]
