@@ -21,7 +21,7 @@ FLOORS = {
                   "hand_capsules", "robot_hand", "robot"],
     "fit": ["fit_status", "option_checks", "rotation", "arrays", "optimize", "prepare",
             "superquadric", "revolution", "implicit", "plane_record", "plane", "polyhedron",
-            "match_parameters", "interpretation_tree", "points_csv"],
+            "match_parameters", "interpretation_tree", "point_sets", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
                    "recognition", "foresight", "planners", "reconstruct", "exploration_record",
                    "exploration"],
