@@ -205,6 +205,11 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
 
 
 def _array(name: str, value, shape: tuple, dtype=float) -> np.ndarray:
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked values, should be a plain array; say by `mask` which "
+                         "touches count")
+    if np.iscomplexobj(value):
+        raise ValueError(f"{name}: has complex numbers, should have real ones")
     value = np.asarray(value, dtype)
     fits = value.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(value.shape, shape, strict=True))

@@ -1,6 +1,7 @@
 """Sets made ready for a batch: which covariances are none, and how many are fitted at a time."""
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,3 +73,18 @@ def test_a_table_that_no_touches_stand_on_is_a_status(table: float, found: FitSt
         assert status[0] in (FitStatus.converged, FitStatus.not_converged)
         assert (status[1] == FitStatus.bad_points) == (found == FitStatus.bad_points)
         assert status[2] == FitStatus.degenerate_point
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("fit", [fit_plane, fit_revolution, fit_superquadric])
+def test_masked_and_complex_touches_are_refused(fit: Any) -> None:
+    """What lies under a mask would be fitted, and an imaginary part dropped."""
+    points = np.random.default_rng(0).normal(size=(1, 20, 3))
+    hidden = np.ma.masked_array(points, mask=np.zeros_like(points, bool))
+    hidden[0, 3] = np.ma.masked
+    with pytest.raises(ValueError, match="points: has masked values, should be a plain array"):
+        fit(hidden)
+    with pytest.raises(ValueError, match="mask: has masked values"):
+        fit(points, np.ma.masked_array(np.ones((1, 20), bool), mask=np.arange(20)[None] < 2))
+    with pytest.raises(ValueError, match="points: has complex numbers, should have real ones"):
+        fit(points + 1j)
