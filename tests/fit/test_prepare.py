@@ -88,3 +88,12 @@ def test_masked_and_complex_touches_are_refused(fit: Any) -> None:
         fit(points, np.ma.masked_array(np.ones((1, 20), bool), mask=np.arange(20)[None] < 2))
     with pytest.raises(ValueError, match="points: has complex numbers, should have real ones"):
         fit(points + 1j)
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"table_z": [0, 0, 0]}, r"table_z: shape \(3,\), should be one number or \(2\)"),
+    ({"free_points": np.zeros((2, 4, 3)), "free_radius": np.ones(3)},
+     r"free_radius: shape \(3,\), should be one number or \(2, 4\)")])
+def test_heights_and_radii_for_other_sets_are_named(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        prepare.prepare(np.random.default_rng(0).normal(size=(2, 20, 3)), None, **wrong)
