@@ -8,16 +8,16 @@ import csv
 import io
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Bool, Float
 
 from fit.fit_status import status_names
 from fit.plane_record import PlaneFit
+from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.record import SuperquadricFit
 from warpgrasp.core.plain_text import csv_cell
@@ -43,21 +43,6 @@ class PointsError(ValueError):
     def __init__(self, problems: Sequence[str]):
         super().__init__("\n".join(problems))
         self.problems = tuple(problems)
-
-
-@dataclass(frozen=True)
-class PointSets:
-    """Sets of touches, padded."""
-
-    names: tuple[str, ...]
-    """Name of each set, in order of first appearance."""
-    points: Float[np.ndarray, "fit point 3"]
-    """Touches [m]."""
-    mask: Bool[np.ndarray, "fit point"]
-    normals: Float[np.ndarray, "fit point 3"] | None
-    """Outward normals, NaN where not given; None if the columns are missing."""
-    left_out: tuple[int, ...] = ()
-    """Touches of each set that are not here, since a coordinate is missing; empty: none."""
 
 
 def read_points(path: str | Path, *, units: str | None = None,
@@ -105,8 +90,8 @@ def _read_points(path: Path, units: str | None, most_problems: int) -> PointSets
         hidden = len(problems) - most_problems
         shown = problems[:most_problems]
         raise PointsError([*shown, f"{path}: {hidden} more"] if hidden > 0 else shown)
-    found = _padded(names, np.concatenate(values))
-    found = replace(found, points=found.points * UNITS_M[units or named])
+    found = _grouped(names, np.concatenate(values))
+    found = replace(found, touches_m=found.touches_m * UNITS_M[units or named])
     if units is None:
         _check_extent(path, found, named)
     return found
@@ -162,9 +147,7 @@ class _Block:
 def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
     """Raises PointsError for a set that is too large to have been touched by a hand, or where all
     are too small; a set of one place is neither."""
-    good = (sets.mask & np.isfinite(sets.points).all(2))[..., None]
-    low = np.where(good, sets.points, np.inf).min(1)
-    high = np.where(good, sets.points, -np.inf).max(1)
+    low, high = sets.bounds_m()
     extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
     if (extent > LARGEST_M).any():
         n = int(extent.argmax())
@@ -230,7 +213,7 @@ def _number(cell: str) -> float | None:
         return None
 
 
-def _padded(names: Sequence[str], values: np.ndarray) -> PointSets:
+def _grouped(names: Sequence[str], values: np.ndarray) -> PointSets:
     """Rows of `values` [row, 3 or 6] as sets, by the name of each row; rows without all three
     coordinates are left out."""
     number = {name: k for k, name in enumerate(dict.fromkeys(names))}
@@ -238,17 +221,9 @@ def _padded(names: Sequence[str], values: np.ndarray) -> PointSets:
     missing = np.isnan(values[:, :3]).any(axis=1)
     left_out = np.bincount(of_row[missing], minlength=len(number))
     values, of_row = values[~missing], of_row[~missing]
-    count = np.bincount(of_row, minlength=len(number))
     order = np.argsort(of_row, kind="stable")
-    place = np.empty_like(of_row)
-    place[order] = np.arange(len(of_row)) - np.repeat(np.cumsum(count) - count, count)
-    points = np.zeros((len(number), count.max(), 3))
-    points[of_row, place] = values[:, :3]
-    normals = None
-    if values.shape[1] > 3:
-        normals = np.full_like(points, np.nan)
-        normals[of_row, place] = values[:, 3:]
-    return PointSets(tuple(number), points, np.arange(count.max()) < count[:, None], normals,
+    return PointSets(tuple(number), values[order, :3], np.bincount(of_row, minlength=len(number)),
+                     values[order, 3:] if values.shape[1] > 3 else None,
                      tuple(left_out.tolist()) if missing.any() else ())
 
 

@@ -133,7 +133,7 @@ def prepare(
             normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
     plane = None
     if table_z is not None:
-        height = np.broadcast_to(np.asarray(table_z, float), (n,))
+        height = _broadcast("table_z", table_z, (n,))
         wrong = (status == FitStatus.converged) & ~_may_stand(low, high, height)
         status = np.where(wrong | ~is_valid(height), FitStatus.bad_points, status)
         plane = np.zeros((n, 4))
@@ -189,8 +189,7 @@ def _status(count, repeated, lengths, reach, bad, least_points, solid) -> np.nda
 def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
     free_points = _array("free_points", free_points, (n, None, 3))
     balls = free_points.shape[1]
-    radius = np.broadcast_to(np.asarray(0.0 if free_radius is None else free_radius, float),
-                             (n, balls))
+    radius = _broadcast("free_radius", 0.0 if free_radius is None else free_radius, (n, balls))
     kept = np.ones((n, balls), bool) if free_mask is None else _array(
         "free_mask", free_mask, (n, balls), bool)
     kept = kept & is_valid(free_points).all(axis=2) & is_valid(radius)
@@ -204,8 +203,27 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
     return free
 
 
+def _broadcast(name: str, value, shape: tuple[int, ...]) -> np.ndarray:
+    """One number for all, or an array that spreads to `shape`."""
+    value = _plain(name, value, float)
+    try:
+        return np.broadcast_to(value, shape)
+    except ValueError:
+        raise ValueError(f"{name}: shape {value.shape}, should be one number or "
+                         f"({', '.join(map(str, shape))})") from None
+
+
+def _plain(name: str, value, dtype) -> np.ndarray:
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked values, should be a plain array; say by `mask` which "
+                         "touches count")
+    if np.iscomplexobj(value):
+        raise ValueError(f"{name}: has complex numbers, should have real ones")
+    return np.asarray(value, dtype)
+
+
 def _array(name: str, value, shape: tuple, dtype=float) -> np.ndarray:
-    value = np.asarray(value, dtype)
+    value = _plain(name, value, dtype)
     fits = value.ndim == len(shape) and all(
         want is None or have == want for have, want in zip(value.shape, shape, strict=True))
     if not fits:

@@ -30,6 +30,7 @@ from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance
+from fit.option_checks import options_of
 from fit.prepare import Sets, prepare
 
 STARTS = (1.0, 3.0)
@@ -83,7 +84,7 @@ def fit_implicit(
     Raises:
         ValueError: an array of the wrong shape, or a mean that is not finite at a touch.
     """
-    options = options or ImplicitOptions()
+    options = options_of(options, ImplicitOptions)
     sets = prepare(points, mask, covariance, normals, table_z)
     fits = _placeholder(sets, np.asarray(points).shape[1], table_z)
     mean = mean or sphere_mean(fits)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from fit.option_checks import check_counts, check_numbers
+
 Mean = Callable[[Float[np.ndarray, "row point 3"], Int[np.ndarray, " row"]],
                 Float[np.ndarray, "row point"]]
 """Signed distances [m], negative inside, of the prior bodies of the fits of given numbers, each at
@@ -48,14 +50,11 @@ class ImplicitOptions:
     def __post_init__(self) -> None:
         if not 0.0 <= self.outlier_share < 0.5:
             raise ValueError(f"outlier_share: {self.outlier_share}, should be from 0 to 0.5")
-        for name in ("outlier_m", "noise_m", "normal_offset", "normal_slope", "free_sigma_m"):
-            if not 0.0 < getattr(self, name) < 1e3:
-                raise ValueError(f"{name}: {getattr(self, name)}, should be positive")
-        for name, least in (("least_rounds", 1), ("rounds", self.least_rounds),
-                            ("round_iterations", 1), ("start_iterations", 1),
-                            ("free_rounds", 0)):
-            if getattr(self, name) < least:
-                raise ValueError(f"{name}: {getattr(self, name)}, should be {least} at least")
+        check_numbers(self, "outlier_m", "noise_m", "normal_offset", "normal_slope",
+                      "free_sigma_m", high=1e3, above=True)
+        check_numbers(self, "least_fall")
+        check_counts(self, least_rounds=1, round_iterations=1, start_iterations=1, free_rounds=0)
+        check_counts(self, rounds=self.least_rounds)
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from jaxtyping import Bool, Float
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
+from fit.option_checks import options_of
 from fit.prepare import Sets, prepare
 from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
 from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
@@ -41,7 +42,7 @@ def fit_revolution(
     the axes go through: touches all on one side, or on two that are opposite, tell it badly.
     Raises ValueError for an array of the wrong shape; any other problem of a set is its `status`.
     """
-    options = options or RevolutionOptions()
+    options = options_of(options, RevolutionOptions)
     sets = prepare(points, mask, table_z=table_z)
     n = len(sets.count)
     size = sets.high - sets.low

@@ -6,13 +6,14 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fit.fit_status import LEAST_FALL, Loss, Monotone, check_word
+from fit.option_checks import LEAST_RAD, MOST_WEIGHT, check_counts, check_numbers
 
 
 @dataclass(frozen=True)
 class RevolutionOptions:
     """Options of a fit; hashable, as they name the compiled program.
 
-    Raises ValueError for an unknown word, fewer than two nodes or a tilt that is not positive.
+    Raises ValueError for an unknown word or a number out of its range.
     """
 
     nodes: int = 8
@@ -35,10 +36,11 @@ class RevolutionOptions:
     """A fit has converged when a round lowers its cost by less than this fraction."""
 
     def __post_init__(self) -> None:
-        if self.tilt_std_rad is not None and not self.tilt_std_rad > 0:
-            raise ValueError(f"tilt_std_rad: {self.tilt_std_rad}, should be positive")
-        if self.nodes < 2:
-            raise ValueError(f"nodes: {self.nodes}, should be 2 at least")
+        check_counts(self, nodes=2, screen_iterations=0, round_iterations=1, iterations=0)
+        check_numbers(self, "least_fall")
+        check_numbers(self, "smoothing", "plane_weight", high=MOST_WEIGHT)
+        if self.tilt_std_rad is not None:
+            check_numbers(self, "tilt_std_rad", low=LEAST_RAD)
         check_word("monotone", self.monotone, Monotone)
         check_word("loss", self.loss, Loss)
 

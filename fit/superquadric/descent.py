@@ -13,14 +13,13 @@ from fit.optimize.pieces import PIECE, divided, undivided
 from fit.prepare import Sets
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 from fit.superquadric.field import KINDS, widening
-from fit.superquadric.parameter_vector import (
-    MAX_BEND,
+from fit.superquadric.parameter_vector import MAX_BEND, TAPER_BOUND, Form
+from fit.superquadric.record import (
     MAX_EXPONENT,
     MIN_EXPONENT,
-    TAPER_BOUND,
-    Form,
+    SuperquadricFit,
+    SuperquadricOptions,
 )
-from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
 from fit.superquadric.residuals import (
     BY_POINT,
     FitData,

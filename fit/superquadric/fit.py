@@ -9,6 +9,7 @@ the batch. Each set uses the program compiled for its own number of points.
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fit.option_checks import options_of
 from fit.prepare import Sets, prepare
 from fit.superquadric.descent import fit_sets
 from fit.superquadric.record import SuperquadricFit, SuperquadricOptions
@@ -50,7 +51,7 @@ def fit_superquadric(
     Raises:
         ValueError: an array of the wrong shape, or a start of another length.
     """
-    options = options or SuperquadricOptions()
+    options = options_of(options, SuperquadricOptions)
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)
     if start is not None and len(start) != len(sets.count):
         raise ValueError(f"start: {len(start)} fits for {len(sets.count)} sets")

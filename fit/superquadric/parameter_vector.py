@@ -9,8 +9,8 @@ from jaxtyping import Array, Float
 
 from fit.fit_status import Kind, Loss
 from fit.superquadric.field import Shape
+from fit.superquadric.record import MAX_EXPONENT, MIN_EXPONENT
 
-MIN_EXPONENT, MAX_EXPONENT = 0.1, 2.0
 _SPAN = MAX_EXPONENT - MIN_EXPONENT
 TAPER_BOUND = 1.05
 """Above one, so that the full taper of a wedge or cone has a finite parameter."""

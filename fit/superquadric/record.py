@@ -7,11 +7,16 @@ from jaxtyping import Float, Int
 
 from fit.arrays import rows_of
 from fit.fit_status import LEAST_FALL, Kind, Loss, check_word
+from fit.option_checks import LEAST_RAD, MOST_WEIGHT, check_counts, check_numbers
+
+MIN_EXPONENT, MAX_EXPONENT = 0.1, 2.0
+"""Bounds of e1 and e2."""
 
 
 @dataclass(frozen=True)
 class SuperquadricOptions:
-    """Options of a fit; hashable. Raises ValueError for an unknown word or a negative deviation."""
+    """Options of a fit; hashable. Raises ValueError for an unknown word, or a number out of range.
+    """
 
     taper: bool = False
     """Linear taper Kx, Ky: 13 parameters."""
@@ -46,8 +51,8 @@ class SuperquadricOptions:
     the noise of the residuals. Clear evidence of a tilt overrides it. None: no prior; without a
     table it is not used."""
     mean_exponent: float | None = 0.6
-    """Mean of the exponential prior on e1, which prefers flat ends to round ones if the touches
-    do not determine. None: no prior."""
+    """Mean (above 0.1) of the exponential prior on e1, which prefers flat ends to round ones if the
+    touches do not determine. None: no prior."""
     prior: float = 0.1
     """Inverse standard deviation of the prior on the exponents' logits, the taper's arctanh and
     the bend, relative to the noise of the residuals; 0: no prior."""
@@ -56,8 +61,15 @@ class SuperquadricOptions:
         if self.residual is not None:
             check_word("residual", self.residual, Kind)
         check_word("loss", self.loss, Loss)
-        if not self.normal_std_rad >= 0.0:
-            raise ValueError(f"normal_std_rad: is {self.normal_std_rad:g}; should be 0 or more")
+        check_counts(self, screen_iterations=0, settle_iterations=0, round_iterations=1,
+                     iterations=0)
+        check_numbers(self, "least_fall", "sigma_floor_m", "normal_std_rad")
+        check_numbers(self, "plane_weight", "free_weight", "normal_weight", "prior",
+                      high=MOST_WEIGHT)
+        if self.upright_std_rad is not None:
+            check_numbers(self, "upright_std_rad", low=LEAST_RAD)
+        if self.mean_exponent is not None:
+            check_numbers(self, "mean_exponent", low=MIN_EXPONENT, above=True)
 
 
 @dataclass(frozen=True)

@@ -103,12 +103,13 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
             raise ProbeError(f"FollowContour.axis is {type(probe.axis).__name__}; should be an "
                              "Axis (strategies.procedures.contour_record)")
         for name, width in (("foot_m", 3), ("direction", 3), ("length_m", 0), ("radius_m", 0)):
-            value = np.asarray(getattr(probe.axis, name))
+            value = _whole(f"FollowContour.axis.{name}", getattr(probe.axis, name))
             shape = (worlds, width) if width else (worlds,)
             if value.shape != shape:
                 raise ProbeError(f"FollowContour.axis.{name} has shape {value.shape}; "
                                  f"should be {shape}")
-        wanted = None if probe.wanted is None else np.asarray(probe.wanted)[:, None]
+        wanted = None if probe.wanted is None else _whole(
+            "FollowContour.wanted", probe.wanted)[:, None]
         return _mask("FollowContour.wanted", wanted, (worlds, 1))
     raise ProbeError(f"answered with {type(probe).__name__} in a list; should be a list of "
                      f"{_PROBES}")
@@ -128,7 +129,9 @@ def misfits(probe: Probe) -> list[tuple[np.ndarray, str]]:
                            np.asarray(probe.normal, float))
     axis = probe.axis
     numbers = np.column_stack([axis.foot_m, axis.length_m, axis.radius_m])[:, None]
-    return _misfits_of("an axis", numbers, np.asarray(axis.direction, float)[:, None])
+    thin = np.asarray(axis.radius_m, float)[:, None] <= 0.0
+    return [*_misfits_of("an axis", numbers, np.asarray(axis.direction, float)[:, None]),
+            (thin, "an axis whose radius is not above 0")]
 
 
 def _misfits_of(what: str, numbers: np.ndarray, way: np.ndarray) -> list[tuple[np.ndarray, str]]:
@@ -145,8 +148,16 @@ def _check_options(name: str, options: object, kind: type) -> None:
         raise ProbeError(f"{name}.options is {type(options).__name__}; should be {kind.__name__}")
 
 
+def _whole(name: str, value: np.ndarray) -> np.ndarray:
+    """An array without a mask of NumPy's own, which would be lost without a word."""
+    if np.ma.is_masked(value):
+        raise ProbeError(f"{name} is a masked array; should be a plain one. What is not to be made "
+                         "is said by `wanted`")
+    return np.asarray(value)
+
+
 def _checked(name: str, value: np.ndarray, worlds: int, width: int) -> np.ndarray:
-    array = np.asarray(value)
+    array = _whole(name, value)
     if array.ndim != 3 or array.shape[0] != worlds or array.shape[2] != width or (
             array.dtype.kind not in "fiu"):
         raise ProbeError(f"{name} is {array.dtype} of shape {array.shape}; "
@@ -157,7 +168,7 @@ def _checked(name: str, value: np.ndarray, worlds: int, width: int) -> np.ndarra
 def _mask(name: str, value: np.ndarray | None, shape: tuple[int, ...]) -> np.ndarray:
     if value is None:
         return np.ones(shape, bool)
-    array = np.asarray(value)
+    array = _whole(name, value)
     if array.shape != shape or array.dtype != bool:
         raise ProbeError(f"{name} is {array.dtype} of shape {array.shape}; "
                          f"should be bool of shape {shape}")

@@ -43,7 +43,7 @@ class EndReason(IntEnum):
     START_BLOCKED = 10
     """The hand strikes something where it starts: a start inside the object, or a wrong normal."""
     BAD_START = 11
-    """The start is not finite, its normal or axis has no direction."""
+    """The start is not finite, its normal or axis has no direction, or the axis no length."""
     END_OF_OBJECT = 12
     """A finger found nothing: the object ends here."""
 
@@ -60,7 +60,8 @@ REASON_TEXT = {
     EndReason.START_BLOCKED: "the hand strikes something where it starts: is the start inside the "
                              "object, does the normal point into it, or do pads feel where nothing "
                              "is?",
-    EndReason.BAD_START: "the start has a number that is not finite, or a direction of length 0",
+    EndReason.BAD_START: "the start has a number that is not finite, a direction of length 0, or "
+                         "an axis whose length is not above 0",
     EndReason.UNREACHABLE: "the arm cannot reach there",
     EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead?",
     EndReason.END_OF_OBJECT: "a finger found nothing: the object ends here",

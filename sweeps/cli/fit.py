@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from fit.arrays import joined
+from fit.arrays import joined, rows_of
 from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus, status_names
+from fit.point_sets import PointSets
 from fit.points_csv import (
-    PointSets,
     plane_rows,
     profile_rows,
     read_points,
@@ -63,7 +63,7 @@ def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust:
     if normal_deg is not None and sets.normals is None:
         raise StoreError(f"--normal-deg: {points} has no columns nx, ny, nz")
     if shape == "superquadric" and sets.normals is not None:
-        for name in inward(sets, sets.normals):
+        for name in inward(sets):
             say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
     found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
@@ -118,13 +118,14 @@ def _named(found: list[str]) -> str:
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:
     """Says of which sets the table cannot be true. Raises StoreError where it is of none."""
-    good = sets.mask & np.isfinite(sets.points).all(2)
-    used = good.any(1)
-    points = np.where(good[..., None], sets.points, np.nan)[used]
-    names = [name for name, there in zip(sets.names, np.atleast_1d(used), strict=True) if there]
-    low, high = np.nanmin(points, axis=1), np.nanmax(points, axis=1)
-    below = (points[..., 2] < table_z_m - BELOW_M).sum(1)
-    under = below > BELOW_SHARE * good[used].sum(1)
+    finite, of_touch = np.isfinite(sets.touches_m).all(1), sets.of_touch
+    good = np.bincount(of_touch[finite], minlength=len(sets.names))
+    used = good > 0
+    names = [name for name, there in zip(sets.names, used.tolist(), strict=True) if there]
+    low, high = (bound[used] for bound in sets.bounds_m())
+    deep = finite & (sets.touches_m[:, 2] < table_z_m - BELOW_M)
+    below = np.bincount(of_touch[deep], minlength=len(sets.names))
+    under = (below > BELOW_SHARE * good)[used]
     extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
     far = low[:, 2] - table_z_m > FAR * extent
     wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "
@@ -137,16 +138,18 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
         say(line)
 
 
-def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
-    """Names of sets whose normals (set, touch, 3) seem to point into the body.
+def inward(sets: PointSets) -> list[str]:
+    """Names of sets whose normals seem to point into the body.
 
     Half of them do by more than `INWARD_M`, as seen from the mean of the touches [m]; outward
     ones of a convex body never do, for that mean lies within it.
     """
     out = []
-    for name, points, of_set, mask in zip(sets.names, sets.points, normals, sets.mask,
-                                          strict=True):
-        touched = mask & np.isfinite(points).all(1)
+    if sets.normals is None:
+        return out
+    for index, name in enumerate(sets.names):
+        points, of_set = sets.touches_m[sets.slots(index)], sets.normals[sets.slots(index)]
+        touched = np.isfinite(points).all(1)
         felt = touched & np.isfinite(of_set).all(1) & of_set.any(1)
         if felt.sum() < LEAST_NORMALS:
             continue
@@ -159,44 +162,56 @@ def inward(sets: PointSets, normals: np.ndarray) -> list[str]:
 
 
 def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> Any:
-    """`fit_shape`, by as many processes as there are cores where there are sets enough.
+    """The fits of all sets, in order, by as many processes as there are cores where sets suffice.
 
     A fit depends only on its own points, so that the rows are the same however they are shared out.
     """
     count, cores = len(sets.names), os.cpu_count() or 1
-    if shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS:
-        return fit_shape(shape, sets, **options)
-    parts = [_part(sets, slice(start, start + SETS_A_PROCESS))
-             for start in range(0, count, SETS_A_PROCESS)]
-    with ProcessPoolExecutor(min(cores, len(parts)), get_context("spawn")) as pool:
-        return joined(list(pool.map(partial(fit_shape, shape, **options), parts)))
+    alone = shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS
+    groups = _groups(sets, count if alone else SETS_A_PROCESS)
+    parts, one = map(sets.padded, groups), partial(fit_padded, shape, **options)
+    if alone:
+        found = list(map(one, parts))
+    else:
+        with ProcessPoolExecutor(min(cores, len(groups)), get_context("spawn")) as pool:
+            found = list(pool.map(one, parts))
+    return rows_of(joined(found), np.argsort(np.concatenate(groups)))
 
 
-def _part(sets: PointSets, rows: slice) -> PointSets:
-    return PointSets(sets.names[rows], sets.points[rows], sets.mask[rows],
-                     None if sets.normals is None else sets.normals[rows])
+def _groups(sets: PointSets, most: int) -> list[np.ndarray]:
+    """Numbers of the sets to fit together, so many at most: those padded to one number of touches,
+    so that a large set does not pad the small ones."""
+    from fit.optimize.batch import point_bucket
+
+    width = np.array([point_bucket(int(count)) for count in sets.count])
+    same = [np.flatnonzero(width == of) for of in np.unique(width)]
+    return [group[first:first + most] for group in same for first in range(0, len(group), most)]
 
 
-def fit_shape(shape: str, sets: PointSets, *, taper: bool = False, bend: bool = False,
+def fit_padded(shape: str, sets: tuple, *, taper: bool = False, bend: bool = False,
               robust: bool = False, table_z_m: float | None = None,
               normal_deg: float | None = None) -> Any:
-    """The fits of one shape to all sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`."""
+    """The fits of one shape to padded sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`.
+
+    Planes come without the weights of touches, which no file holds.
+    """
+    points, mask, normals = sets
     if shape == "plane":
         from fit.plane import fit_plane
 
-        return fit_plane(sets.points, sets.mask)
+        found = fit_plane(points, mask)
+        return replace(found, weight=found.weight[:, :0])
     if shape == "revolution":
         from fit.revolution.fit import fit_revolution
 
-        return fit_revolution(sets.points, sets.mask, table_z=table_z_m)
+        return fit_revolution(points, mask, table_z=table_z_m)
     from fit.superquadric.fit import fit_superquadric
     from fit.superquadric.record import SuperquadricOptions
 
     options = SuperquadricOptions(taper=taper, bend=bend, loss="cauchy" if robust else "none")
     if normal_deg is not None:
         options = replace(options, normal_std_rad=radians(normal_deg))
-    return fit_superquadric(sets.points, sets.mask, normals=sets.normals, table_z=table_z_m,
-                            options=options)
+    return fit_superquadric(points, mask, normals=normals, table_z=table_z_m, options=options)
 
 
 def profile_path(out: Path) -> Path:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fit.fit_status import FitStatus, status_names
 from fit.plane_record import PlaneFit
-from fit.points_csv import PointSets
+from fit.point_sets import PointSets
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.geometry import Superquadric
@@ -44,7 +44,7 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
     words = status_names(fits.status[:shown])
     for row, (name, status) in enumerate(zip(sets.names, words, strict=False)):
         axes = drawn.add_subplot(rows, columns, row + 1, projection="3d")
-        points = sets.points[row][sets.mask[row]]
+        points = sets.touches_m[sets.slots(row)]
         points = 1e3 * points[np.isfinite(points).all(axis=1)]
         usable = status in (FitStatus.converged.name, FitStatus.not_converged.name)
         _draw(axes, points, 1e3 * _faces(fits, row) if usable else np.zeros((0, 4, 3)))

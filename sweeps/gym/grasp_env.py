@@ -20,7 +20,7 @@ from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import SEEN, draw_prior, seen_prior
 from sweeps.episode.scores import SAMPLES, Scorer, Scores
 from sweeps.gym.actions import PROCEDURES, action_size, probes_of
-from sweeps.gym.observations import BOUND, contact_slots, observation_size, observe
+from sweeps.gym.observations import contact_slots, observation_bounds, observe
 from sweeps.gym.settings import read_settings
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.robot import Robot, Truth
@@ -43,7 +43,7 @@ class GraspVectorEnv(VectorEnv):
     as in a sweep's rows); whether that is the prior, a superquadric or a surface of revolution;
     contacts, those of pads, and probes so far as shares of the most there can be; then all
     contacts so far, the earliest first: felt, by a pad, x, y, z [m] from the prior's foot, and 0
-    where there is none yet.
+    where there is none yet. Numbers are within 10, but for a body's bend, within 100 per metre.
 
     The reward is by how many millimetres the chamfer distance of the recovered body falls. That
     body and its score are those of a sweep: the same probes with the same noise give the same row.
@@ -82,8 +82,8 @@ class GraspVectorEnv(VectorEnv):
         self._procedures, self._closings = tuple(procedures), tuple(closings)
         fingers = outline_of(self._made_with.cell.hand).fingers
         self._slots = contact_slots(self._procedures, len(self._closings), probes, fingers)
-        self.single_observation_space = spaces.Box(
-            -BOUND, BOUND, (observation_size(self._slots),), np.float64)
+        bounds = observation_bounds(self._slots)
+        self.single_observation_space = spaces.Box(-bounds, bounds, dtype=np.float64)
         self.single_action_space = spaces.Box(-1.0, 1.0, (action_size(self._procedures),),
                                               np.float64)
         self.observation_space = batch_space(self.single_observation_space, num_envs)

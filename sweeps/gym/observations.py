@@ -11,9 +11,13 @@ from strategies.recovery.evidence import CONTOUR_TOUCHES, FACE_TOUCHES
 from sweeps.episode.columns import superquadric_parameters
 
 BOUND = 10.0
-"""Of every number of an observation."""
+"""Of every number of an observation but one."""
+BEND_PER_M = 100.0
+"""Bound of the curvature of a bent body: a radius of 10 mm."""
 PRIOR, BODY, MODELS, SHARES, CONTACT = 8, 16, 3, 3, 5
 """Numbers of the prior, the body, the model it is of, the shares, and one contact."""
+_BEND = 14
+"""Where among the body's numbers its curvature is."""
 FEWEST_FINGERS = 4
 """Fingers that there are slots for at least, so that hands of three and four fingers are observed
 alike."""
@@ -29,6 +33,13 @@ def contact_slots(procedures: Sequence[str], closings: int, probes: int, fingers
 def observation_size(slots: int) -> int:
     """Numbers of one world's observation."""
     return PRIOR + BODY + MODELS + SHARES + CONTACT * slots
+
+
+def observation_bounds(slots: int) -> np.ndarray:
+    """The largest magnitude of each number of an observation."""
+    bounds = np.full(observation_size(slots), BOUND)
+    bounds[PRIOR + _BEND] = BEND_PER_M
+    return bounds
 
 
 def observe(belief: Belief, recovered: Recovered, made: float, slots: int) -> np.ndarray:
@@ -49,7 +60,8 @@ def observe(belief: Belief, recovered: Recovered, made: float, slots: int) -> np
         np.stack([prior.x_m, prior.y_m, prior.radius_m, prior.height_m, *box], 1),
         np.stack(list(superquadric_parameters(recovered.superquadric).values()), 1),
         models, shares, _contacts(belief, slots).reshape(belief.worlds, -1)], 1)
-    return np.clip(np.nan_to_num(rows, posinf=BOUND, neginf=-BOUND), -BOUND, BOUND)
+    bounds = observation_bounds(slots)
+    return np.clip(np.nan_to_num(rows), -bounds, bounds)
 
 
 def _contacts(belief: Belief, slots: int) -> np.ndarray:

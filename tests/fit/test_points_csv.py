@@ -14,17 +14,17 @@ def test_sets_in_any_order_with_some_normals(tmp_path) -> None:
     path.write_text("set,x_m,y_m,z_m,nx,ny,nz\nb,1,2,3,0,0,1\na,4,5,6,,,\nb,7,8,9,NA,NA,NA\n")
     sets = read_points(path, units="m")
     assert sets.names == ("b", "a")
-    assert sets.mask.tolist() == [[True, True], [True, False]]
-    assert sets.points[0].tolist() == [[1, 2, 3], [7, 8, 9]]
+    assert sets.count.tolist() == [2, 1]
+    assert sets.touches_m[sets.slots(0)].tolist() == [[1, 2, 3], [7, 8, 9]]
     assert sets.normals is not None
-    assert np.isfinite(sets.normals).all(axis=2).tolist() == [[True, False], [False, False]]
+    assert np.isfinite(sets.normals).all(axis=1).tolist() == [True, False, False]
 
 
 def test_without_a_set_column_there_is_one_set(tmp_path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("x_m,y_m,z_m\n1,2,3\n\n4,5,6\n")
     sets = read_points(path, units="m")
-    assert sets.points.shape == (1, 2, 3)
+    assert sets.count.tolist() == [2]
     assert sets.normals is None
 
 
@@ -34,7 +34,7 @@ def test_columns_name_their_unit(tmp_path, unit, scale) -> None:
     points = np.array([[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
     rows = "".join("{},{},{}\n".format(*row) for row in points / scale)
     path.write_text(f"x_{unit},y_{unit},z_{unit}\n{rows}")
-    assert np.allclose(read_points(path).points[0], points)
+    assert np.allclose(read_points(path).touches_m, points)
 
 
 def test_millimetres_in_columns_of_metres_are_refused_unless_units_are_given(tmp_path) -> None:
@@ -43,8 +43,8 @@ def test_millimetres_in_columns_of_metres_are_refused_unless_units_are_given(tmp
     path.write_text("set,x_m,y_m,z_m\na,0.01,0,0\na,0.05,0.02,0.03\nb,10,0,5\nb,80,30,20\n")
     with pytest.raises(PointsError, match=r"set b are 77.6 m across.*--units mm"):
         read_points(path)
-    assert read_points(path, units="mm").points[1, 1].tolist() == [0.08, 0.03, 0.02]
-    assert read_points(path, units="m").points[1, 1].tolist() == [80, 30, 20]
+    assert read_points(path, units="mm").touches_m[3].tolist() == [0.08, 0.03, 0.02]
+    assert read_points(path, units="m").touches_m[3].tolist() == [80, 30, 20]
 
 
 def test_metres_in_columns_of_millimetres_are_refused_unless_units_are_given(tmp_path) -> None:
@@ -53,12 +53,12 @@ def test_metres_in_columns_of_millimetres_are_refused_unless_units_are_given(tmp
     path.write_text(head)
     with pytest.raises(PointsError, match=r"x_mm: the points of no set are more than 5.83e-05 m"):
         read_points(path)
-    assert read_points(path, units="m").points[1, 1].tolist() == [0.47, 0.03, 0.05]
-    assert read_points(path, units="mm").points[1, 1, 2] == pytest.approx(5e-5)
+    assert read_points(path, units="m").touches_m[3].tolist() == [0.47, 0.03, 0.05]
+    assert read_points(path, units="mm").touches_m[3, 2] == pytest.approx(5e-5)
     path.write_text(head + "c,440,0,0\nc,440,0,7\n")  # one set is of a size to be touched
     assert read_points(path).names == ("a", "b", "c")
     path.write_text("x_m,y_m,z_m\n0.4,0,0.1\n0.4,0,0.1\n")  # one place says nothing of the unit
-    assert len(read_points(path).points) == 1
+    assert len(read_points(path).names) == 1
 
 
 @pytest.mark.parametrize(("text", "said"), [
@@ -89,7 +89,7 @@ def test_mistakes_name_the_line(tmp_path, text, said) -> None:
 def test_plain_columns_with_a_unit_given(tmp_path, unit, scale) -> None:
     path = tmp_path / "points.csv"
     path.write_text("x,y,z\n1,2,3\n4,5,6\n")
-    assert np.allclose(read_points(path, units=unit).points[0], scale * np.array([
+    assert np.allclose(read_points(path, units=unit).touches_m, scale * np.array([
         [1, 2, 3], [4, 5, 6]]))
     path.write_text("x,y\n1,2\n")
     with pytest.raises(PointsError, match="1: z: column is missing"):
@@ -104,10 +104,10 @@ def test_touches_without_a_coordinate_are_left_out(tmp_path, cell) -> None:
     sets = read_points(path, units="m")
     assert sets.names == ("a", "b")
     assert sets.left_out == (1, 1)
-    assert sets.mask.tolist() == [[True, True], [False, False]]
-    assert sets.points[0].tolist() == [[1, 2, 3], [7, 8, 9]]
+    assert sets.count.tolist() == [2, 0]
+    assert sets.touches_m[sets.slots(0)].tolist() == [[1, 2, 3], [7, 8, 9]]
     assert sets.normals is not None
-    assert sets.normals[0, 0].tolist() == [0, 0, 1]
+    assert sets.normals[0].tolist() == [0, 0, 1]
 
 
 def test_every_mistake_at_once(tmp_path) -> None:
@@ -134,9 +134,9 @@ def test_sets_and_mistakes_go_on_over_blocks_of_rows(tmp_path) -> None:
     path.write_text("\n".join(["set,x_m,y_m,z_m", *rows]))
     sets = read_points(path, units="m")
     assert sets.names == ("s0", "s1", "s2", "s3", "s4")
-    assert sets.mask.sum(1).tolist() == [len(range(s, count, 5)) for s in range(5)]
+    assert sets.count.tolist() == [len(range(s, count, 5)) for s in range(5)]
     for s in range(5):
-        assert sets.points[s, sets.mask[s], 0].tolist() == list(range(s, count, 5))
+        assert sets.touches_m[sets.slots(s), 0].tolist() == list(range(s, count, 5))
     rows[ROWS_AT_ONCE] = "s0,1,1_0,2"
     rows[2 * ROWS_AT_ONCE] = ",1,2,three"
     path.write_text("\n".join(["set,x_m,y_m,z_m", *rows]))

@@ -1,6 +1,7 @@
 """Sets made ready for a batch: which covariances are none, and how many are fitted at a time."""
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
 import pytest
@@ -72,3 +73,27 @@ def test_a_table_that_no_touches_stand_on_is_a_status(table: float, found: FitSt
         assert status[0] in (FitStatus.converged, FitStatus.not_converged)
         assert (status[1] == FitStatus.bad_points) == (found == FitStatus.bad_points)
         assert status[2] == FitStatus.degenerate_point
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("fit", [fit_plane, fit_revolution, fit_superquadric])
+def test_masked_and_complex_touches_are_refused(fit: Any) -> None:
+    """What lies under a mask would be fitted, and an imaginary part dropped."""
+    points = np.random.default_rng(0).normal(size=(1, 20, 3))
+    hidden = np.ma.masked_array(points, mask=np.zeros_like(points, bool))
+    hidden[0, 3] = np.ma.masked
+    with pytest.raises(ValueError, match="points: has masked values, should be a plain array"):
+        fit(hidden)
+    with pytest.raises(ValueError, match="mask: has masked values"):
+        fit(points, np.ma.masked_array(np.ones((1, 20), bool), mask=np.arange(20)[None] < 2))
+    with pytest.raises(ValueError, match="points: has complex numbers, should have real ones"):
+        fit(points + 1j)
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"table_z": [0, 0, 0]}, r"table_z: shape \(3,\), should be one number or \(2\)"),
+    ({"free_points": np.zeros((2, 4, 3)), "free_radius": np.ones(3)},
+     r"free_radius: shape \(3,\), should be one number or \(2, 4\)")])
+def test_heights_and_radii_for_other_sets_are_named(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        prepare.prepare(np.random.default_rng(0).normal(size=(2, 20, 3)), None, **wrong)

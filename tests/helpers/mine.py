@@ -125,3 +125,13 @@ def writes_to_its_uncertainty(belief):
         return [Grasp(_six(belief))]
     belief.uncertainty.log_volume_std[:] = 0.0
     return []
+
+
+def axis_without_radius(belief):
+    axis = Axis.upright(*(belief.prior.x_m, belief.prior.y_m, belief.prior.height_m,
+                          0.0 * belief.prior.radius_m))
+    return [FollowContour(axis)]
+
+
+def masked_pose(belief):
+    return [Grasp(np.ma.masked_array(_six(belief), mask=True))]

@@ -108,6 +108,8 @@ def test_options_that_make_no_planner_are_refused(name: str, options: dict) -> N
     ("face_without_end", "a face whose direction has no length, or none", [True, True]),
     ("writes_to_its_uncertainty", "assignment destination is read-only", [True, True]),
     ("face_of_nan", "a face that is not finite: world 0, probe 0", [True, False]),
+    ("axis_without_radius", "an axis whose radius is not above 0: world ", [True, True]),
+    ("masked_pose", "Grasp.hand_pose is a masked array; should be a plain one", [True, True]),
     ("axis_without_length", "an axis whose direction has no length, or none", [True, True]),
 ])
 def test_a_broken_strategy_is_a_status_with_file_and_line(name, says, worlds) -> None:

@@ -40,8 +40,18 @@ class Purpose(IntEnum):
 
 
 def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarray:
-    """`counter_key` over several counters, broadcast, uint64."""
-    z = np.asarray(key, np.uint64)
+    """`counter_key` over several counters, broadcast, uint64.
+
+    Raises TypeError for what is no whole number, ValueError for a negative or too large `key`.
+    """
+    for name, value in (("key", key), *(("counter", counter) for counter in counters)):
+        array = np.asarray(value)
+        if array.size and array.dtype.kind not in "biuO":
+            raise TypeError(f"{name}: is {array.dtype}; should be whole numbers")
+    try:
+        z = np.asarray(key, np.uint64)
+    except OverflowError:
+        raise ValueError(f"key: is {key}; should be from 0 to 2^64 - 1") from None
     with np.errstate(over="ignore"):
         for counter in counters:
             z = (z ^ np.asarray(counter).astype(np.int64).astype(np.uint64)) + np.uint64(_GAMMA)

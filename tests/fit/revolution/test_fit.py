@@ -77,7 +77,7 @@ def test_unknown_words_and_a_lone_node_are_named() -> None:
         RevolutionOptions(monotone="decreasing")  # pyright: ignore
     with pytest.raises(ValueError, match="loss: 'huber', should be one of none, pseudo_huber"):
         RevolutionOptions(loss="huber")  # pyright: ignore
-    with pytest.raises(ValueError, match="nodes: 1, should be 2 at least"):
+    with pytest.raises(ValueError, match="nodes: 1, should be a whole number, 2 at least"):
         RevolutionOptions(nodes=1)
 
 

@@ -169,7 +169,7 @@ def test_normals_that_err_do_not_shrink_a_box() -> None:
             told = fit_superquadric(points, normals=normals, table_z=0.0, options=options,
                                     covariance=covariance)
             assert np.abs(np.median(np.log(superquadric_volume(told) / blind))) < most
-    with pytest.raises(ValueError, match="normal_std_rad: is -1; should be"):
+    with pytest.raises(ValueError, match=r"normal_std_rad: -1\.0, should be"):
         SuperquadricOptions(normal_std_rad=-1.0)
 
 

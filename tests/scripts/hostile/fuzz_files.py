@@ -226,7 +226,7 @@ def _read_points(file: Path) -> str:
     except PointsError as error:
         right = all(problem.startswith(f"{file}") for problem in error.problems)
         return "refused" if right and error.problems else f"a problem without its place: {error}"
-    return "read" if sets.mask.any() else "sets without points"
+    return "read" if sets.count.any() else "sets without points"
 
 
 def case(kind: str, n: int, seed: int, sound: dict[str, bytes]) -> tuple[str, bytes]:

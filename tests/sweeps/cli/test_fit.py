@@ -4,6 +4,7 @@ import csv
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.context import BaseContext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -273,3 +274,28 @@ def test_fits_shared_out_over_processes_are_the_same_bytes(
     assert cli.run(["fit", "superquadric", str(points), "-o", str(shared)]) == 0
     assert started == [2]
     assert alone.read_bytes() == shared.read_bytes()
+
+
+def test_small_sets_are_not_padded_to_a_large_one_among_them(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Rows keep their order, and each is that of the set alone."""
+    rng = np.random.default_rng(3)
+    sizes = [12, 3, 900, 40, 12, 2, 33]
+    sets = {f"s{k}": rng.normal(size=(n, 3)) * [0.04, 0.03, 0.001] for k, n in enumerate(sizes)}
+    slots: list[int] = []
+    one = fit_command.fit_padded
+
+    def counted(shape: str, part: tuple, **options: Any) -> Any:
+        slots.append(part[1].size)
+        return one(shape, part, **options)
+
+    monkeypatch.setattr(fit_command, "fit_padded", counted)
+    out = tmp_path / "planes.csv"
+    assert cli.run(["fit", "plane", str(write(tmp_path / "all.csv", sets)), "-o", str(out)]) == 0
+    assert sum(slots) < 2 * sum(sizes)
+    rows = read(out)[1]
+    assert [row["set"] for row in rows] == list(sets)
+    for row in rows:
+        only = write(tmp_path / "one.csv", {row["set"]: sets[row["set"]]})
+        assert cli.run(["fit", "plane", str(only), "-o", str(out)]) == 0
+        assert read(out)[1] == [row]

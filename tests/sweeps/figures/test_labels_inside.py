@@ -10,7 +10,7 @@ from PIL import Image
 from scipy.spatial.transform import Rotation
 
 from fit.plane import fit_plane
-from fit.points_csv import PointSets
+from fit.point_sets import PointSets
 from sweeps.figures.fits import draw_fits
 from sweeps.figures.grasp import grasp_figure
 from sweeps.figures.replay_frames import Frame, HandShape, Replay
@@ -22,9 +22,10 @@ def test_nothing_is_cut_off_at_the_border_of_fits(count: int, height_m: float) -
     draw = np.random.default_rng(0)
     points = draw.normal(size=(count, 40, 3))
     points *= [0.05, 0.05, height_m] / np.linalg.norm(points, axis=2, keepdims=True)
-    sets = PointSets(tuple(f"set {n}" for n in range(count)), points + [0.45, 0.0, 0.2],
-                     np.ones((count, 40), bool), None)
-    drawn = draw_fits(sets, fit_plane(sets.points, sets.mask), "png")
+    points += [0.45, 0.0, 0.2]
+    sets = PointSets(tuple(f"set {n}" for n in range(count)), points.reshape(-1, 3),
+                     np.full(count, 40))
+    drawn = draw_fits(sets, fit_plane(points), "png")
     picture = np.asarray(Image.open(io.BytesIO(drawn)).convert("L"))
     assert picture.min() < 128
     for border in (picture[:2], picture[-2:], picture[:, :2], picture[:, -2:]):

@@ -11,6 +11,7 @@ import pytest
 import trimesh
 from places import ROOT
 
+from fit.superquadric.geometry import Superquadric
 from strategies.planners.probes import Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
@@ -32,6 +33,7 @@ from gymnasium.wrappers.vector import RecordEpisodeStatistics  # noqa: E402
 
 from sweeps.gym import GraspEnv, GraspVectorEnv  # noqa: E402
 from sweeps.gym.actions import probes_of  # noqa: E402
+from sweeps.gym.observations import observe  # noqa: E402
 
 Rows = dict[str, np.ndarray]
 
@@ -70,6 +72,20 @@ def test_many_worlds_keep_the_vector_contract() -> None:
     assert (again == first).all()
     for action, before in zip(actions, seen, strict=True):
         assert (worlds.step(action)[0] == before).all()
+
+
+def test_a_body_that_bends_within_ten_centimetres_is_told_as_it_is() -> None:
+    """Its curvature was cut to 10 per metre, as other numbers are."""
+    world = GraspVectorEnv(1, probes=1, closings=("curl40",))
+    plain, _ = world.reset(seed=1)
+    body = world._run.recovered.superquadric
+    bent = body._replace(bend=np.array([[40.0, 0.5]])) if isinstance(body, Superquadric) else (
+        replace(body, bend=np.array([[40.0, 0.5]])))
+    seen = observe(world._run.belief, replace(world._run.recovered, superquadric=bent), 0.0,
+                   world._slots)
+    changed = np.flatnonzero(seen[0] != plain[0])
+    assert seen[0, changed].tolist() == [40.0, 0.5]
+    assert world.single_observation_space.contains(seen[0])
 
 
 def test_worlds_do_not_depend_on_their_neighbours() -> None:

@@ -1,6 +1,9 @@
 """Counter-based randomness: kernel and host agree, streams are even and independent."""
 
+from typing import Any
+
 import numpy as np
+import pytest
 import warp as wp
 from scipy import stats
 
@@ -42,3 +45,13 @@ def test_streams_are_even_and_uncorrelated() -> None:
     assert abs(np.corrcoef(u[:-1].ravel(), u[1:].ravel())[0, 1]) < 0.015
     assert abs(np.corrcoef(u[:, :-1].ravel(), u[:, 1:].ravel())[0, 1]) < 0.015
     assert len(np.unique(keys)) == keys.size
+
+
+@pytest.mark.parametrize(("key", "counter"), [(7.9, 0), (7, 0.5), (np.ones(2), 1), (7, "a")])
+def test_keys_and_counters_are_whole_numbers(key: Any, counter: Any) -> None:
+    """Shares and times were cut, so that all of a second gave the same numbers."""
+    with pytest.raises(TypeError, match="should be whole numbers"):
+        random.counter_key(key, counter)
+    for wrong in (-1, 2**64):
+        with pytest.raises(ValueError, match=f"key: is {wrong}; should be from 0 to"):
+            random.counter_key(wrong, 0)

@@ -1,0 +1,41 @@
+"""Checks of the options of fits; a ValueError names the option, its value and what is right."""
+
+from math import inf, nan
+from numbers import Integral, Real
+from typing import Any, TypeVar
+
+Options = TypeVar("Options")
+MOST_WEIGHT = 1e4
+"""Of a term relative to all touches; far larger ones leave nothing of the touches but rounding."""
+LEAST_RAD = 1e-9
+"""Of a standard deviation of directions [rad]; far smaller ones overflow as weights."""
+
+
+def options_of(options: Options | None, kind: type[Options]) -> Options:
+    """`options`, or the defaults where None. Raises ValueError for anything else."""
+    if options is None:
+        return kind()
+    if not isinstance(options, kind):
+        raise ValueError(f"options: {options!r}, should be a {kind.__name__}")
+    return options
+
+
+def check_counts(options: Any, **least: int) -> None:
+    """Raises ValueError unless each option named is a whole number of so many at least."""
+    for name, low in least.items():
+        value = getattr(options, name)
+        if not isinstance(value, Integral) or isinstance(value, bool) or value < low:
+            raise ValueError(f"{name}: {value!r}, should be a whole number, {low} at least")
+
+
+def check_numbers(options: Any, *names: str, low: float = 0.0, high: float = inf,
+                  above: bool = False) -> None:
+    """Raises ValueError unless each option named is finite and from `low` to `high`; `above`: more
+    than `low`."""
+    for name in names:
+        value = getattr(options, name)
+        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else nan
+        if not (low <= number <= high and number < inf) or (above and number == low):
+            first = f"above {low:g}" if above else f"{low:g} or more"
+            last = f", {high:g} at most" if high < inf else ""
+            raise ValueError(f"{name}: {value!r}, should be a finite number, {first}{last}")
