@@ -189,7 +189,7 @@ def test_curves_are_those_of_the_report(tmp_path: Path) -> None:
         grid = np.array([at for at, _ in points])
         expected = mean_curve(found, "touches", entry, grid).value
         assert [error for _, error in points] == pytest.approx(expected.tolist(), abs=1e-3)
-    assert grid_of(found, "touches")[-1] >= state.curves[0][1][-1][0]
+    assert max(grid_of(found, "touches", n)[-1] for n in range(2)) >= state.curves[0][1][-1][0]
 
 
 def test_episodes_that_were_fitted_once_have_no_curve() -> None:
