@@ -18,7 +18,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "paired": ["MANY_OBJECTS", "ObjectRows", "Paired", "by_episode", "failure_score", "filled",
         "interval_note", "read_objects", "read_paired"],
     "pairs": ["pairs_table"],
-    "pareto": ["COST", "Pareto", "find_front", "pareto_table"],
+    "pareto": ["COST", "Pareto", "columns_of", "find_front", "pareto_table"],
     "rerun_episode": ["Episode", "WorkerDied", "cell_of", "choose_episode", "in_a_worker",
         "rerun", "rerun_all"],
     "sensitivity": ["EPISODES", "HEADER", "check_study", "sensitivity_spec", "sensitivity_table"],

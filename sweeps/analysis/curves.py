@@ -1,12 +1,12 @@
 """Error as it falls with touches or robot time: step functions, averaged over objects, episodes.
 
-An episode's error is that of its last body so far, and stays after its end. Rows of a strategy
-that was fitted once, at its end, hold no curve: it is that one step. At a point of the grid
-episodes that have no fit yet are left out; where they are more than one in twenty there is no
-mean (a mean over the quick ones alone would flatter). Episodes of a unit that failed count as the
-worst all along: nobody knows when they would have had a fit. Intervals are those of a
-leaderboard, at each point by itself; medians of the table `reach` have them from bootstrap
-replicates.
+An episode's error is that of its last body so far, and stays after its end. Rows of a strategy that
+was fitted once, at its end, hold no curve: it is that one step. Every entry has points of its own,
+where its episodes were refitted: between them its mean stays. At a point episodes that have no fit
+yet are left out; where they are more than one in twenty there is no mean (a mean over the quick
+ones alone would flatter). Episodes of a unit that failed count as the worst all along: nobody knows
+when they would have had a fit. Intervals are those of a leaderboard, at each point by itself;
+medians of the table `reach` have them from bootstrap replicates.
 """
 
 from collections.abc import Sequence
@@ -33,7 +33,7 @@ from sweeps.analysis.entries import (
     prior_column,
     values_of,
 )
-from sweeps.analysis.interval import ObjectMeans
+from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import by_episode, filled, interval_note, lost_notes, reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -174,17 +174,29 @@ def _failures_filled(of_entries: list[list[Steps]], priors: np.ndarray) -> list[
             for found in of_entries]
 
 
-def grid_of(curves: Curves, axis: str) -> np.ndarray:
-    """Points from 0 to the longest episode: the same for every entry, a round step apart."""
-    ends = [at[-1] for objects in curves.steps[axis] for found in objects for at, _ in found
-            if np.isfinite(at[-1])]
-    longest = max(ends, default=1.0)
-    raw = max(longest / POINTS, 1e-9)
-    size = 10.0 ** np.floor(np.log10(raw))
-    step = next(m * size for m in (1.0, 2.0, 5.0, 10.0) if m * size >= raw * (1 - 1e-12))
-    if axis == "touches":
-        step = max(step, 1.0)
-    return step * np.arange(int(np.ceil(longest / step - 1e-9)) + 1)
+def grid_of(curves: Curves, axis: str, entry: int) -> np.ndarray:
+    """Where an entry's episodes were refitted; where those places are more than POINTS, the first
+    with a mean, places a round step apart, and the end."""
+    every = [steps for found in curves.steps[axis] for steps in found[entry]]
+    places = np.unique(np.concatenate([at[np.isfinite(at)] for at, _ in every] or [np.zeros(0)]))
+    if not len(places):
+        return np.zeros(1)
+    if len(places) <= POINTS:
+        return places
+    known, end = _first_known(curves, axis, entry), places[-1]
+    size = 10.0 ** np.floor(np.log10(end / POINTS))
+    step = next(m * size for m in (1.0, 2.0, 5.0, 10.0) if m * size >= end / POINTS * (1 - 1e-12))
+    apart = step * np.arange(1, int(np.ceil(end / step)))
+    return np.unique([known, *apart[(apart > known) & (apart < end)], end])
+
+
+def _first_known(curves: Curves, axis: str, entry: int) -> float:
+    """From where an entry has a mean: enough episodes of every object have a fit."""
+    first = [np.quantile([at[0] if np.isfinite(at[-1]) else 0.0 for at, _ in found[entry]], KNOWN,
+                         method="inverted_cdf")
+             for name, found in zip(curves.objects, curves.steps[axis], strict=True)
+             if name not in curves.lost]
+    return float(max(first, default=0.0))
 
 
 def on_grid(steps: Steps, grid: np.ndarray) -> np.ndarray:
@@ -210,7 +222,7 @@ def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estim
         values = np.array([_throughout(steps, grid) for steps in found[entry]])
         points.add(by_episode(_completed(values), own))
         unknown = np.maximum(unknown, 1.0 - np.isfinite(values).mean(axis=0))
-    found = points.values(curves.over, bounds_of(ERROR))
+    found = sensible_ends(points.values(curves.over, bounds_of(ERROR)))
     return Estimate(*(np.where(unknown > 1.0 - KNOWN, np.nan, part)
                       for part in (found.value, found.low, found.high)))
 
@@ -293,11 +305,11 @@ def _first(steps: tuple[np.ndarray, np.ndarray], bound_mm: float) -> float:
 
 
 def curves_table(curves: Curves) -> TextTable:
-    """The table of `warpgrasp table DIR curves`: a line a point of the grid that has a mean."""
+    """The table of `warpgrasp table DIR curves`: a line a point of an entry that has a mean."""
     rows = []
     for axis in AXES:
-        grid = grid_of(curves, axis)
         for n, label in enumerate(curves.labels):
+            grid = grid_of(curves, axis, n)
             found = mean_curve(curves, axis, n, grid)
             rows += [(label, axis, f"{at:.6g}", *(number_text(v, 3) for v in values))
                      for at, *values in zip(grid, found.value, found.low, found.high, strict=True)

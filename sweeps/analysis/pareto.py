@@ -1,16 +1,23 @@
-"""Error against robot time: which entries no other beats in both."""
+"""Error against robot time: which entries no other beats in both.
+
+What every strategy is given, `given-prior`, takes no time: an entry that is no better is not on the
+front, and beats nobody.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from strategies.ready_made import REFERENCE
 from sweeps.analysis.bootstrap import Estimate
-from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
-from sweeps.analysis.interval import ObjectMeans
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of, prior_column
+from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
 
 COST = "robot_time_s"
+ROUNDING = 1e-9
+"""Share of a score that its mean over many rows may be off by."""
 
 
 @dataclass(frozen=True)
@@ -22,22 +29,32 @@ class Pareto:
     """Over the objects where an entry has any; no time is made up for units that failed."""
     dominated_by: tuple[int | None, ...]
     """The best entry that is no worse in both and better in one."""
+    idle: np.ndarray
+    """Whether an entry is no better than what it was given, which took no time."""
     p_front: np.ndarray
     """The share of bootstrap replicates in which nothing dominates the entry."""
 
 
+def columns_of(metric: str) -> list[str]:
+    """The columns that a front needs of a study's rows, `metric` first."""
+    return list(filter(None, [metric, COST, prior_column(metric)]))
+
+
 def find_front(paired: Paired, metric: str) -> Pareto:
-    """The front of `metric` and robot time."""
+    """The front of `metric` and robot time. Without the priors' scores no entry is idle."""
     error, cost = paired.means[metric], paired.means[COST]
     sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
-    by = dominating(sign * error[0], cost[0])
+    given = paired.means.get(prior_column(metric) or "", np.full_like(error, np.nan))
+    idle = sign * (error - given) >= -ROUNDING * np.abs(given)
+    by = dominating(sign * error[0], cost[0]) & ~idle[0]
     best = tuple(min(np.flatnonzero(row), key=lambda n: (sign * error[0, n], n), default=None)
                  for row in by)
-    drawn = [~dominating(sign * e, c).any(axis=1)
-             for e, c in zip(error[1:], cost[1:], strict=True) if np.isfinite([e, c]).all()]
-    return Pareto(paired.statistics(metric).values(paired.over, bounds_of(metric)),
-                  _costs(paired),
-                  tuple(None if n is None else int(n) for n in best),
+    drawn = [~dominating(sign * e, c).any(axis=1) & ~beaten
+             for e, c, beaten in zip(error[1:], cost[1:], idle[1:], strict=True)
+             if np.isfinite([e, c]).all()]
+    errors = paired.statistics(metric).values(paired.over, bounds_of(metric))
+    return Pareto(sensible_ends(errors), _costs(paired),
+                  tuple(None if n is None else int(n) for n in best), idle[0],
                   np.mean(drawn, axis=0) if drawn else np.full(len(by), np.nan))
 
 
@@ -49,8 +66,8 @@ def _costs(paired: Paired) -> Estimate:
         for values in paired.values[COST]:
             own.add(values[:, [n]])
         found.append(own.values(paired.over, bounds_of(COST)))
-    return Estimate(*(np.concatenate(parts) for parts in zip(
-        *((part.value, part.low, part.high) for part in found), strict=True)))
+    return sensible_ends(Estimate(*(np.concatenate(parts) for parts in zip(
+        *((part.value, part.low, part.high) for part in found), strict=True))))
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:
@@ -71,7 +88,8 @@ def pareto_table(paired: Paired, metric: str) -> TextTable:
          *(number_text(v[n], 2) for v in (front.cost.value, front.cost.low, front.cost.high)),
          *(number_text(v[n], digits)
            for v in (front.error.value, front.error.low, front.error.high)),
-         "" if (by := front.dominated_by[n]) is None else paired.labels[by],
+         paired.labels[by] if (by := front.dominated_by[n]) is not None
+         else REFERENCE if front.idle[n] else "",
          number_text(front.p_front[n], 3))
         for n in order)
     header = ("strategy", COST, f"{COST}_ci_low", f"{COST}_ci_high", metric, f"{metric}_ci_low",

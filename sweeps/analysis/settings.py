@@ -20,7 +20,7 @@ from sweeps.analysis.entries import (
     bounds_of,
     value_texts,
 )
-from sweeps.analysis.interval import ObjectMeans
+from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -79,7 +79,7 @@ def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterat
                     own = values[:, mine]
                     of_levels.add(np.stack([own[:, level == n].mean(axis=1)
                                             for n in range(len(names))], axis=1))
-                found = of_levels.values(paired.over, bounds_of(metric))
+                found = sensible_ends(of_levels.values(paired.over, bounds_of(metric)))
                 most, least = found.value.argmax(), found.value.argmin()
                 apart = of_levels.differences(int(least), paired.over, simultaneous=False)
                 widest = bounds_of(metric)[1]

@@ -16,7 +16,7 @@ from sweeps.analysis.entries import check_metric
 from sweeps.analysis.objects import ALSO, BESIDE, beside_table, objects_table
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
-from sweeps.analysis.pareto import COST, pareto_table
+from sweeps.analysis.pareto import columns_of, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan
@@ -59,7 +59,7 @@ KINDS: dict[str, tuple[Callable[[Asked], TextTable], str]] = {
               "touches and seconds to come within 5 mm and 3 mm"),
     "same-time": (lambda a: same_time_table(a.curves(), a.against),
                   "errors at the robot time at which one strategy ended"),
-    "pareto": (lambda a: pareto_table(a.paired(COST), a.metric),
+    "pareto": (lambda a: pareto_table(a.paired(*columns_of(a.metric)), a.metric),
                "error against robot time, and which strategies are dominated"),
     "settings": (lambda a: settings_table(
         a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),

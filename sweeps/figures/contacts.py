@@ -22,7 +22,7 @@ from sweeps.figures.solids import (
     set_box,
     visible,
 )
-from sweeps.figures.style import cut, drawing, encode, figure
+from sweeps.figures.style import drawing, encode, figure, titled
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -115,7 +115,7 @@ def _drawn(shown: ContactsShown, wide: bool) -> "Figure":
     axes.zaxis.labelpad = 6.0
     axes.view_init(ELEVATION_DEG, AZIMUTH_DEG)
     axes.computed_zorder = False
-    axes.set_title(f"{cut(shown.name)}: {shown.body} and contacts")
+    axes.set_title(titled(shown.name, f"{shown.body} and contacts"))
 
     for row, (i, j) in enumerate(((0, 2), (0, 1))):
         flat = drawn.add_subplot(places[1 + row])

@@ -11,7 +11,7 @@ from fit.revolution.geometry import RevolutionBody
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import quadrilaterals, revolution_grid
 from sweeps.figures.solids import CONTACT, FIT, TRUE, direction, draw_solid
-from sweeps.figures.style import cut, drawing, figure
+from sweeps.figures.style import COLUMN_IN, cut_to, drawing, figure
 from sweeps.spec.errors import StoreError
 from warpgrasp.geometry.body_sampling import sample_body
 
@@ -45,7 +45,8 @@ def contour_figure(block: EpisodeBlock, name: str, world: int = 0,
     fill_axes(axes, (2 * half, 2 * half, tall), np.concatenate([ring.reshape(-1, 3), bar]))
     axes.set_axis_off()
     volume = 1e6 * profile.volume_m3[world]
-    axes.set_title(f"{cut(name)}: solid of\nrevolution, {tall:.0f} mm tall,\n{volume:.0f} ml")
+    drawn.suptitle(cut_to(name, 0.92 * COLUMN_IN), fontsize=7.5)
+    axes.set_title(f"solid of revolution,\n{tall:.0f} mm tall,\n{volume:.0f} ml")
 
     flat = drawn.add_subplot(grid[0, 1])
     sample = 1e3 * sample_body(block.body, surface=8192).surface_m

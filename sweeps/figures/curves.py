@@ -6,19 +6,23 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sweeps.analysis.curves import Curves, grid_of, mean_curve
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import HIGHER_IS_BETTER, value_text
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import Effect, effects
 from sweeps.figures.style import (
     COLOURS,
     DASHES,
+    MARGIN,
     MARKERS,
     MUTED,
     cut_apart,
     distinct_labels,
     drawing,
+    farthest_end,
     figure,
+    framed,
     metric_label,
+    slant,
 )
 from sweeps.run.plan import Plan
 
@@ -29,18 +33,22 @@ LABELS = {"touches": "touches", "time_s": "robot time [s]"}
 BANDS = 3  # more would hide one another
 MANY = 20  # others, whose lines are then thin
 DECADES = 1.3  # positive numbers that span more have a logarithmic axis
+TICKED = 2.5  # decades of which more have ticks at powers of ten alone
+UNLIKE = 5.0  # times as long as another: then the axis is logarithmic
+CHARACTERS = 40.0  # of a tick's text beside each other between the first and the last level
+LABEL = 24  # characters of a strategy's name
 APART = 0.015  # between strategies at one level, in widths of the axis
 
 
 def draw_curves(curves: Curves, axis: str) -> "Figure":
-    """The best eight by their last error in colour, the others grey; a line ends, with a mark,
-    where the last of its episodes did. One that was fitted once has no line: its mark stands where
-    its episodes ended in the mean.
+    """The best eight by their last error in colour, the others grey; a line goes from fit to fit
+    and ends, with a mark, where the last of its episodes did. One that was fitted once has no line:
+    its mark stands where its episodes ended in the mean.
 
     Bars show the intervals at the end; for up to three entries bands show them along the curves.
     """
-    grid = grid_of(curves, axis)
-    found = [mean_curve(curves, axis, n, grid) for n in range(len(curves.labels))]
+    grids = [grid_of(curves, axis, n) for n in range(len(curves.labels))]
+    found = [mean_curve(curves, axis, n, grid) for n, grid in enumerate(grids)]
     last = [estimate.value[-1] if np.isfinite(estimate.value[-1]) else np.inf
             for estimate in found]
     order = sorted(range(len(found)), key=lambda n: (last[n], curves.labels[n]))
@@ -49,31 +57,42 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
     with drawing():
         drawn = figure(2.3 + 0.12 * ((len(shown) + 1 + bool(others)) // 2 + bool(keys)))
         axes, ends = drawn.subplots(1, 2, sharey=True, width_ratios=(4.2, 1.0))
+        places, stops, highs = list[float](), list[float](), list[np.ndarray]()
         for place, n in enumerate(shown):
-            known = np.flatnonzero(np.isfinite(found[n].value))
+            grid, known = grids[n], np.flatnonzero(np.isfinite(found[n].value))
+            once = curves.fits_once(n)
+            stops.append(_mean_end(curves, axis, n) if once else grid[-1])
+            places += [stops[-1], *(() if once else grid[known])]
+            highs.append(found[n].high if len(shown) <= BANDS else found[n].high[-1:])
             ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)
             ends.plot(place, found[n].value[-1], MARKERS[place], color=COLOURS[place], ms=3)
-            if curves.fits_once(n):
-                axes.plot(_mean_end(curves, axis, n), found[n].value[-1], MARKERS[place], ms=3,
-                          ls="none", color=COLOURS[place], label=names[n])
+            if once:
+                axes.plot(stops[-1], found[n].value[-1], MARKERS[place], ms=3, ls="none",
+                          color=COLOURS[place], label=names[n])
                 continue
-            until, end = _while_exploring(curves, axis, n, grid, found[n].value)
-            axes.step(grid, until, where="post", color=COLOURS[place], ls=DASHES[place],
+            axes.step(grid, found[n].value, where="post", color=COLOURS[place], ls=DASHES[place],
                       marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=names[n])
-            axes.plot(end, found[n].value[-1], "|", color=COLOURS[place], ms=6, mew=1.2)
+            axes.plot(grid[-1], found[n].value[-1], "|", color=COLOURS[place], ms=6, mew=1.2)
             if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
                                   color=COLOURS[place], alpha=0.2, lw=0)
         for n in others:
-            axes.step(grid, _while_exploring(curves, axis, n, grid, found[n].value)[0],
-                      where="post", color=MUTED, lw=0.6 if len(others) <= MANY else 0.2, zorder=1,
+            axes.step(grids[n], found[n].value, where="post", color=MUTED,
+                      lw=0.6 if len(others) <= MANY else 0.2, zorder=1,
                       label=f"{len(others)} others" if n == others[0] else None)
-        axes.set(xlabel=LABELS[axis], ylabel="chamfer distance [mm]", xlim=(0, 1.02 * grid[-1]))
+            places += list(grids[n][np.isfinite(found[n].value)])
+            stops.append(grids[n][-1])
+        _scale(axes, LABELS[axis], places, stops)
+        axes.set_ylabel("chamfer distance [mm]")
         axes.grid(axis="y", lw=0.3, color="#d0d0d0")
-        axes.set_ylim(bottom=0)
+        last_means, highest = (np.array([found[n].value[-1] for n in shown]),
+                               np.concatenate([each.value for each in found]))
+        end = farthest_end(last_means, np.concatenate(highs))
+        axes.set_ylim(0.0, end and max(end, (1.0 + MARGIN) * np.nanmax(highest)))
         ends.grid(axis="y", lw=0.3, color="#d0d0d0")
         ends.set(xticks=[], xlim=(-0.7, len(shown) - 0.3))
-        ends.set_xlabel("at the end,\n95 %")
+        known = any(np.isfinite(each[-1]) for each in highs)
+        ends.set_xlabel("at the end" + ",\n95 %" * known + " (cut)" * bool(end))
         ends.tick_params(axis="y", length=0)
         drawn.legend(loc="outside lower center", ncols=2, handlelength=3.2, title=keys,
                      title_fontsize=6.5)
@@ -87,14 +106,21 @@ def _mean_end(curves: Curves, axis: str, entry: int) -> float:
     return float(np.mean(means)) if means else float("nan")
 
 
-def _while_exploring(curves: Curves, axis: str, entry: int, grid: np.ndarray, value: np.ndarray
-                     ) -> tuple[np.ndarray, float]:
-    """An entry's curve up to where the last of its episodes ended, NaN beyond, and that place."""
-    ends = [at[-1] for found in curves.steps[axis] for at, _ in found[entry]
-            if np.isfinite(at[-1])]
-    end = max(ends, default=0.0)
-    step = grid[1] - grid[0] if len(grid) > 1 else 0.0
-    return np.where(grid < end + step, value, np.nan), end
+def _scale(axes: "Axes", label: str, places: Sequence[float], ends: Sequence[float]) -> None:
+    """The axis of touches or time, logarithmic where entries differ much in their `ends`."""
+    from matplotlib.ticker import SymmetricalLogLocator
+
+    positive = [place for place in places if place > 0.0]
+    most, least = max(positive, default=1.0), min(positive, default=1.0)
+    if max(ends) <= UNLIKE * min((end for end in ends if end > 0.0), default=most):
+        axes.set(xlabel=label, xlim=(-0.02 * most if min(places) <= 0.0 else 0.0, 1.02 * most))
+        return
+    axes.set_xscale("symlog", linthresh=least, linscale=0.3)
+    axes.xaxis.set_major_locator(SymmetricalLogLocator(
+        base=10.0, linthresh=least, subs=(1.0,) if most > least * 10.0**TICKED else (1, 2, 5)))
+    axes.xaxis.set_major_formatter("{x:g}")
+    axes.set(xlabel=f"{label}, logarithmic",
+             xlim=(-0.2 * least if min(places) <= 0.0 else 0.85 * least, 1.1 * most))
 
 
 def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
@@ -117,33 +143,45 @@ def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
         panels = drawn.subplots(len(factors), 1, squeeze=False, sharey=True)[:, 0]
         for axes, factor in zip(panels, factors, strict=True):
             _draw_factor(axes, [effect for effect in found if effect.factor == factor], names)
-        drawn.supylabel(metric_label(metric), fontsize=7.0)
-        lines = {str(line.get_label()): line for axes in reversed(panels)
-                 for line in axes.get_lines()[::-1]}
-        drawn.legend(lines.values(), lines.keys(), loc="outside lower center", ncols=2,
+        coloured = [effect for effect in found if effect.strategy in names[:len(COLOURS)]]
+        limits = framed(np.concatenate([effect.value for effect in found]),
+                        *(np.concatenate([getattr(effect, end) for effect in coloured])
+                          for end in ("low", "high")))
+        panels[0].set_ylim(limits)
+        drawn.supylabel(metric_label(metric) + (
+            "\n(intervals are cut at the frame)" if limits else ""), fontsize=7.0)
+        lines = {str(line.get_label()): line for line in sorted(
+            (line for axes in reversed(panels) for line in axes.get_lines()[::-1]),
+            key=lambda line: line.get_linestyle() != "None")}
+        ranked = [name for name in (*cut_apart(names, LABEL), *lines) if name in lines]
+        ranked = list(dict.fromkeys(ranked))
+        drawn.legend([lines[name] for name in ranked], ranked, loc="outside lower center", ncols=2,
                      handlelength=3.2)
     return drawn
 
 
 def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) -> None:
     """One factor's lines; `names` are the strategies of all panels, the best first."""
-    from matplotlib.ticker import LogLocator
+    from matplotlib.ticker import NullLocator
 
-    at = shown[0].at
+    at, label = shown[0].at, shown[0].factor
     if at is None:
         at = np.arange(len(shown[0].levels), dtype=float)
-        axes.set_xticks(at, cut_apart(shown[0].levels, 18),
-                        rotation=25 if len(at) > 3 else 0,
+        axes.set_xticks(at, cut_apart(shown[0].levels, 18 if len(at) > 3 else 42 // len(at)),
+                        rotation=slant(len(at)) if len(at) > 3 else 0,
                         ha="right" if len(at) > 3 else "center", rotation_mode="anchor")
-    elif at.min() > 0.0 and at.max() > at.min() * 10.0**DECADES:
-        axes.set_xscale("log")
-        axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axes.xaxis.set_major_formatter("{x:g}")
-        axes.xaxis.set_minor_formatter("")
+    else:
+        if at.min() > 0.0 and at.max() > at.min() * 10.0**DECADES:
+            axes.set_xscale("log")
+            axes.xaxis.set_minor_locator(NullLocator())
+        ticks = _ticks_apart(np.log(at) if axes.get_xscale() == "log" else at,
+                             [value_text(float(f"{value:.4g}")) for value in at])
+        axes.set_xticks(at[list(ticks)], list(ticks.values()))
+        label += " (points side by side)" * (len(names) > 1)
     scaled, undone = (np.log, np.exp) if axes.get_xscale() == "log" else (np.asarray, np.asarray)
     steps, beside = np.diff(np.sort(scaled(at))), min(len(names), len(COLOURS))
     apart = min(APART * steps.sum(), 0.7 * steps.min(initial=np.inf) / beside)
-    short = dict(zip(names, cut_apart(names, 24), strict=True))
+    short = dict(zip(names, cut_apart(names, LABEL), strict=True))
     for effect in sorted(shown, key=lambda e: -names.index(e.strategy)):  # the best on top
         place, mine = names.index(effect.strategy), at if effect.at is None else effect.at
         if place >= len(COLOURS):
@@ -156,5 +194,17 @@ def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) ->
         axes.plot(x[order], effect.value[order], color=COLOURS[place],
                   ls="none" if effect.at is None else DASHES[place],
                   marker=MARKERS[place], ms=3, label=short[effect.strategy])
-    axes.set_xlabel(shown[0].factor)
+    axes.set_xlabel(label)
     axes.grid(axis="y", lw=0.3, color="#d0d0d0")
+
+
+def _ticks_apart(places: np.ndarray, texts: Sequence[str]) -> dict[int, str]:
+    """Of levels at these places of an axis, those whose texts have room, both ends first."""
+    order = np.argsort(places).tolist()
+    kept: list[int] = []
+    for n in dict.fromkeys([order[0], order[-1], *order[1:-1]]):
+        room = [abs(places[n] - places[k]) / max(np.ptp(places), 1e-12) * CHARACTERS
+                - (len(texts[n]) + len(texts[k])) / 2 - 1.5 for k in kept]
+        if min(room, default=1.0) > 0.0:
+            kept.append(n)
+    return {n: texts[n] for n in sorted(kept)}

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sweeps.figures.solids import TRUE, direction, set_cube
-from sweeps.figures.style import COLOURS, cut, drawing, encode, figure
+from sweeps.figures.style import COLOURS, drawing, encode, figure, titled
 from sweeps.text_table import number_text
 
 if TYPE_CHECKING:
@@ -139,8 +139,8 @@ def _drawn(shown: FacesShown, wide: bool) -> "Figure":
     set_cube(axes, np.concatenate(clouds), 0.54, 20.0, 0.86)
     axes.view_init(ELEVATION_DEG, azimuth)
     angle = _neighbours(normals)
-    axes.set_title(f"{cut(shown.name)}: traces on faces, planes fitted"
-                   + ("" if angle is None else f"; neighbours at {angle:.1f} deg"))
+    axes.set_title(titled(shown.name, "traces on faces, planes fitted" + (
+        "" if angle is None else f"; neighbours at {angle:.1f} deg")))
     if wide:
         drawn.legend(loc="outside right center")
     else:

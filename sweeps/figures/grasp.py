@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.figures.replay_frames import Frame, Replay, segment_pose
 from sweeps.figures.solids import direction, keep_labels_inside, lit, set_box
-from sweeps.figures.style import COLUMN_IN, cut, drawing, figure
+from sweeps.figures.style import COLUMN_IN, drawing, figure, titled
 from sweeps.spec.errors import StoreError
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ def grasp_figure(replay: Replay, name: str) -> "Figure":
     set_box(axes, np.array([-half, -half, 0.0]), np.array([half, half, tall]), ZOOM, (3, 3, 3))
     axes.zaxis.labelpad = 6.0
     axes.view_init(ELEVATION_DEG, azimuth)
-    axes.set_title(f"{cut(name)}: {frame.label}")
+    axes.set_title(titled(name, frame.label))
     drawn.legend(handles=[
         Patch(color=_LINK, label="hand"), Patch(color=_FELT, label="tip that feels"),
         Line2D([], [], ls="", marker="o", ms=2.5, color=_CONTACT, label="contacts so far")],

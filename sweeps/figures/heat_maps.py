@@ -1,5 +1,6 @@
 """Heat maps: the confusion matrix of an entry, and the means at each level of swept factors."""
 
+import textwrap
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -9,15 +10,39 @@ from sweeps.analysis.confusion import Confusion
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import effects
-from sweeps.figures.style import COLUMN_IN, UNITS, cut, cut_apart, drawing, figure
+from sweeps.figures.style import (
+    COLUMN_IN,
+    UNITS,
+    cut_apart,
+    cut_to,
+    drawing,
+    figure,
+    slant,
+    text_width_in,
+)
 from sweeps.run.plan import Plan
 from sweeps.spec.errors import choose
 from sweeps.text_table import number_text
+from warpgrasp.objects.catalogue_names import BODY_NAMES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 COLOUR_COUNT = 47
 """Odd, for the middle of a diverging map; matplotlib rasterizes colour bars of 49 and more."""
+CELL_PT, LEAST_PT, TICK_PT = 5.5, 4.0, 6.5
+"""Text of cells as wished and as small as it may become, and of ticks, in points."""
+MOST_SLANTED = 10
+"""Columns of answers; more have upright labels, for which there is room."""
+MOST_NAMED = 13
+"""Columns of answers; of more there is no room for names."""
+TOLD = 50
+"""Characters of a line that explains numbers."""
+ROWS_IN, ROW_IN = 2.4, (0.13, 0.3)
+"""Inches that the rows of answers share, and the least and most that one has."""
+MAP_IN = 1.9
+"""Inches that a map of settings is wide, about."""
+NAME_IN = 1.0
+"""Inches that an object's name may take of a figure's width."""
 LEAST_IN = 2.1
 """Inches of height that the colour bar's label needs."""
 
@@ -33,22 +58,82 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
         label = max(found.labels, key=lambda name: found.recognized[name])
     if label not in found.labels:
         raise LeaderboardError(f"--strategy: no strategy {label!r}; {choose(label, found.labels)}")
-    counts = np.array([[found.counts[label, body][answer] for answer in found.answers]
+    answers = _answers_shown(found, label)
+    counts = np.array([[found.counts[label, body][answer] for answer in answers]
                        for body in found.objects], float)
-    share = counts / counts.sum(axis=1, keepdims=True)
+    share = 100.0 * counts / counts.sum(axis=1, keepdims=True)
+    rows, columns, said = _named_or_numbered(found.objects, answers)
+    turned = 60.0 if len(answers) <= MOST_SLANTED else 90.0
+    longest = max(text_width_in(name, TICK_PT) for name in columns.values())
+    longest += 0.12 * said.count("\n")
+    row_in = float(np.clip(ROWS_IN / len(found.objects), *ROW_IN))
     with drawing():
-        drawn = figure(COLUMN_IN * (0.45 + 0.07 * len(found.objects)))
+        drawn = figure(0.85 + row_in * len(found.objects) + longest * np.sin(np.radians(turned)))
         axes = drawn.add_subplot()
-        text = [[f"{100 * value:.0f}" if value > 0 else "" for value in row] for row in share]
-        cells = _heat_map(axes, share, "Blues", (0.0, 1.0), text, share > 0.5)
-        axes.set_xticks(range(len(found.answers)), cut_apart(found.answers, 18),
-                        rotation=60, ha="right", rotation_mode="anchor")
-        axes.set_yticks(range(len(found.objects)), cut_apart(found.objects, 18))
-        axes.set(xlabel="recognized as", ylabel="object felt")
-        axes.set_title(f"{cut(label, 50)}\n{100 * found.recognized[label]:.1f} % recognized")
-        bar: Any = drawn.colorbar(cells, label="share of episodes [1]", fraction=0.05)
+        text = [[f"{value:.0f}" if value > 0 else "" for value in row] for row in share]
+        cells = _heat_map(axes, share, "Blues", (0.0, 100.0), text, share > 50.0)
+        axes.set_xticks(list(columns), list(columns.values()),
+                        rotation=turned, ha="right", rotation_mode="anchor",
+                        va="center" if turned == 90.0 else "baseline")
+        axes.set_yticks(range(len(rows)), rows)
+        axes.set(xlabel=f"recognized as{said}", ylabel="object felt")
+        drawn.suptitle(f"{cut_to(label, 0.95 * COLUMN_IN)}\n"
+                       f"{100 * found.recognized[label]:.1f} % recognized", fontsize=7.5)
+        bar: Any = drawn.colorbar(cells, label="episodes [%]", fraction=0.05)
         bar.solids.set_edgecolor("face")
+        _fitted(drawn, axes, len(answers))
     return drawn
+
+
+def _answers_shown(found: Confusion, label: str) -> list[str]:
+    """Answers that the entry gave, and objects of the study that it could have named."""
+    given = {answer for body in found.objects
+             for answer, count in found.counts[label, body].items() if count}
+    return [answer for answer in found.answers if answer in given
+            or (answer in found.objects and answer in BODY_NAMES)] or list(found.answers)
+
+
+def _named_or_numbered(objects: Sequence[str], answers: Sequence[str]
+                       ) -> tuple[list[str], dict[int, str], str]:
+    """Labels of rows, those of columns by their places, and what explains the latter: of many
+    columns some have the numbers that rows have, too."""
+    if len(answers) <= MOST_NAMED:
+        names = _names([*objects, *answers])
+        return names[:len(objects)], dict(enumerate(names[len(objects):])), ""
+    others = [answer for answer in answers if answer not in objects]
+    number = {name: n for n, name in enumerate([*objects, *others], 1)}
+    step = -(-len(answers) // MOST_NAMED)
+    told = ", ".join(f"{number[name]} {name}" for name in others)
+    return ([f"{number[name]} {short}" for name, short in zip(objects, _names(objects),
+                                                              strict=True)],
+            {place: str(number[answers[place]]) for place in range(0, len(answers), step)},
+            " the object of this number" + "".join(
+                "\n" + line for line in textwrap.wrap(told, TOLD)))
+
+
+def _names(names: Sequence[str]) -> list[str]:
+    """Names that still differ and are at most NAME_IN wide."""
+    short = [cut_to(name, NAME_IN, TICK_PT) for name in cut_apart(names, 18)]
+    if len(set(short)) == len(set(names)):
+        return short
+    for width in range(17, 5, -1):
+        short = cut_apart(names, width)
+        if max(text_width_in(name, TICK_PT) for name in short) <= NAME_IN:
+            return short
+    return cut_apart(names, 5)
+
+
+def _fitted(drawn: "Figure", axes: Any, columns: int) -> None:
+    """Makes the texts of cells smaller where these are narrow, or leaves them out."""
+    drawn.draw_without_rendering()
+    room = axes.get_window_extent().width / drawn.dpi / columns
+    widest = max((text_width_in(text.get_text(), CELL_PT) for text in axes.texts), default=0.0)
+    size = CELL_PT * min(1.0, 0.95 * room / max(widest, 1e-9))
+    for text in list(axes.texts):
+        if size < LEAST_PT:
+            text.remove()
+        else:
+            text.set_fontsize(size)
 
 
 def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
@@ -66,8 +151,13 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     largest = max(1e-9, *(np.nanmax(np.abs(table - middle))
                           for table, middle in zip(tables, around, strict=True)))
     digits = 1 if largest >= 1 else 2
+    ticks = {factor: _column_labels(names) for factor, names in levels.items()}
+    turned_in = sum(0.8 * np.sin(np.radians(turned)) * max(
+        text_width_in(name, TICK_PT) for name in names) for names, turned in ticks.values()
+        if turned)
     with drawing():
-        drawn = figure(max(LEAST_IN, len(factors) * 0.62 + 0.17 * sum(map(len, rows)) + 0.35))
+        drawn = figure(max(LEAST_IN, len(factors) * 0.62 + 0.17 * sum(map(len, rows)) + 0.35)
+                       + turned_in)
         panels = drawn.subplots(len(factors), 1, squeeze=False,
                                 height_ratios=[len(row) + 1 for row in rows])[:, 0]
         cells = None
@@ -77,8 +167,10 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
             text = [[number_text(value, digits) for value in values] for values in table]
             cells = _heat_map(axes, off, "PuOr_r", (-largest, largest), text,
                              abs(off) > 0.65 * largest)
-            axes.set_xticks(range(table.shape[1]), [
-                level.replace(" to ", "\nto ") for level in levels[factor]])
+            names, turned = ticks[factor]
+            axes.set_xticks(range(table.shape[1]), names, rotation=turned, rotation_mode="anchor",
+                            ha="right" if turned else "center",
+                            va="center" if turned == 90.0 else "top")
             axes.set_yticks(range(len(row)), cut_apart([effect.strategy for effect in row], 22))
             axes.set_xlabel(factor)
         assert cells is not None
@@ -86,6 +178,15 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
                              label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
         bar.solids.set_edgecolor("face")
     return drawn
+
+
+def _column_labels(levels: Sequence[str]) -> tuple[list[str], float]:
+    """Labels of columns and how far they are turned, which those are that have no room."""
+    lines = [level.replace(" to ", "\nto ") for level in levels]
+    wide = max(text_width_in(line, TICK_PT) for level in lines for line in level.split("\n"))
+    if wide <= MAP_IN / len(levels) - 0.05:
+        return lines, 0.0
+    return cut_apart(levels, 18), slant(len(levels))
 
 
 def _heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, float],
@@ -98,7 +199,7 @@ def _heat_map(axes: Any, values: np.ndarray, colours: str, limits: tuple[float, 
                             cmap=matplotlib.colormaps[colours].resampled(COLOUR_COUNT),
                             vmin=limits[0], vmax=limits[1])
     for row, column in np.ndindex(values.shape):
-        axes.text(column, row, text[row][column], ha="center", va="center", fontsize=5.5,
+        axes.text(column, row, text[row][column], ha="center", va="center", fontsize=CELL_PT,
                   color="white" if dark[row, column] else "black")
     axes.invert_yaxis()
     axes.tick_params(length=0)

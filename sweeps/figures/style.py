@@ -24,6 +24,10 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 MUTED = "#9a9a9a"
+FARTHEST = 3.0
+"""How far a frame reaches for intervals, in largest means: those of few objects may be wider."""
+MARGIN = 0.04
+"""Of a frame, beyond the outermost of what is drawn."""
 FORMATS = ("svg", "png", "pdf")
 DPI = 300
 PACKED = 3
@@ -129,6 +133,55 @@ def _png(drawn: "Figure") -> bytes:
     stream = io.BytesIO()
     opaque.save(stream, "png", dpi=(DPI, DPI), compress_level=PACKED)
     return stream.getvalue()
+
+
+def farthest_end(value: np.ndarray, high: np.ndarray) -> float | None:
+    """Where a frame is to end that cuts intervals far beyond all means; None if none is."""
+    known, ends = value[np.isfinite(value)], high[np.isfinite(high)]
+    if not len(known) or not len(ends) or known.max() <= 0.0:
+        return None
+    most = max(FARTHEST * float(known.max()), 1.0)  # shares have whole intervals
+    return most if ends.max() > most else None
+
+
+def framed(value: np.ndarray, low: np.ndarray, high: np.ndarray) -> tuple[float, float] | None:
+    """The limits of an axis that cuts intervals far beyond all means; None if none is."""
+    end = farthest_end(value, high)
+    if end is None:
+        return None
+    least = float(np.nanmin(np.concatenate([value, low])))
+    return least - MARGIN * (end - least), end
+
+
+def slant(columns: int) -> float:
+    """Degrees by which so many labels of columns are turned: the more, the steeper."""
+    return 25.0 if columns <= 5 else 45.0 if columns <= 9 else 90.0
+
+
+def text_width_in(text: str, points: float) -> float:
+    """How wide a line of text is drawn."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextToPath
+
+    with warnings.catch_warnings(action="ignore"):  # of letters that the font has not
+        width, _, _ = TextToPath().get_text_width_height_descent(
+            text, FontProperties(size=points), ismath=False)
+    return width / 72.0
+
+
+def cut_to(label: str, width_in: float, points: float = 7.5) -> str:
+    """A label that is at most so wide: letters differ by a factor of three."""
+    for width in range(len(label), 1, -1):
+        if text_width_in(cut(label, width), points) <= width_in:
+            return cut(label, width)
+    return cut(label, 1)
+
+
+def titled(name: str, words: str, width_in: float = COLUMN_IN) -> str:
+    """A title that names an object and says what is shown: in two lines if one has no room."""
+    if text_width_in(f"{name}: {words}", 7.5) <= 0.92 * width_in:
+        return f"{name}: {words}"
+    return f"{cut_to(name, 0.92 * width_in)}\n{words}"
 
 
 def metric_label(metric: str) -> str:

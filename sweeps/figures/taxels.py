@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sweeps.figures.style import cut, drawing, encode, figure
+from sweeps.figures.style import COLUMN_IN, cut_to, drawing, encode, figure
 from warpgrasp.parameters import TAXELS, PadTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.touch.tactile_image import moments
@@ -153,8 +153,8 @@ def _drawn(shown: TaxelsShown) -> "Figure":
     drawn.text(0.545, 0.315, "across the link [mm]", ha="center", va="center", fontsize=7.0)
     drawn.colorbar(image, cax=bar, orientation="horizontal",
                    label="reading [counts of 255], the same scale for all")
-    drawn.text(0.545, 0.965, f"{cut(name)}: what pads read", ha="center", va="center",
-               fontsize=7.5)
+    drawn.text(0.545, 0.965, f"{cut_to(name, 0.6 * COLUMN_IN)}: what pads read", ha="center",
+               va="center", fontsize=7.5)
     drawn.legend(*panels[0].get_legend_handles_labels(), loc="lower center", ncols=3,
                  columnspacing=0.9, handlelength=1.2, handletextpad=0.5, borderaxespad=0.1,
                  borderpad=0.1, fontsize=6.0, bbox_to_anchor=(0.5, 0.0))

@@ -14,6 +14,7 @@ from sweeps.analysis.confusion import Confusion, read_confusion
 from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import MORE, Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, interval_note, read_paired
+from sweeps.analysis.pareto import columns_of
 from sweeps.output import note, why_unwritable, write_atomic
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
@@ -65,7 +66,7 @@ def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
     """The bytes of the page. Raises StoreError where no block of episodes of a sweep is finished.
     """
     board = make_leaderboard(plan, stores)
-    paired = read_paired(plan, stores, [METRIC, "touches", "robot_time_s", "failure_rate"])
+    paired = read_paired(plan, stores, [*columns_of(METRIC), "touches", "failure_rate"])
     if not paired.objects:
         raise StoreError(f"{stores[0].folder}: no block of episodes is finished for every "
                          "strategy yet; `warpgrasp status` says how far it is")

@@ -2,13 +2,14 @@
 
 import csv
 import io
+from collections.abc import Callable
 from pathlib import Path
 
 import fake_episodes
 import numpy as np
 from studies import plan_of
 
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns, write_unit
 from sweeps.run.worker import run_units
@@ -81,6 +82,18 @@ def unfinished_study(
     for unit in plan.units():
         if unit.cell.object_name in names:
             store.path(unit).unlink()
+    return plan, store
+
+
+def written(folder: Path, objects: int, rows: Callable[[Unit], Columns],
+            more: str = "") -> tuple[Plan, Store]:
+    """A study of two strategies, "s" and "sx", of eight episodes with these rows."""
+    plan, store = plan_of(folder, wide_text(2, objects, 8, more)), Store(folder)
+    store.open_for(plan, None, "cpu")
+    for unit in plan.units():
+        write_unit(store.path(unit), unit.id, {
+            "episode": np.arange(8), "status": np.full(8, "ok", object),
+            "touches": np.full(8, 8), **rows(unit)})
     return plan, store
 
 

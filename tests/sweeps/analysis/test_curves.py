@@ -1,11 +1,17 @@
 """Curves and what is read off them, against cases worked by hand."""
 
-from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from curved_episodes import lists, table_rows, unfinished_study, wide_study, wide_text
+from curved_episodes import (
+    lists,
+    table_rows,
+    unfinished_study,
+    wide_study,
+    wide_text,
+    written,
+)
 from studies import plan_of
 
 from sweeps.analysis.bootstrap import object_weights
@@ -112,7 +118,7 @@ def test_mean_curves_end_at_the_leaderboards_mean(
     curves = read_curves(plan, [store])
     means = paired.means["chamfer_mm"]
     for axis in ("touches", "time_s"):
-        grid = grid_of(curves, axis)
+        grid = grid_of(curves, axis, 1)
         assert len(grid) <= 50
         found = mean_curve(curves, axis, 1, grid)
         # a failed episode's worst is taken over whole curves: no better than the leaderboard's
@@ -120,18 +126,7 @@ def test_mean_curves_end_at_the_leaderboards_mean(
         known = np.isfinite(found.value)
         assert (found.low[known] <= found.value[known]).all()
         assert (np.diff(found.value[known]) <= 1e-9).all()  # these fakes only get better
-        assert np.isnan(found.value[0])
-
-
-def written(folder: Path, objects: int, rows: Callable[[Unit], Columns]) -> tuple[Plan, Store]:
-    """A study of two strategies, "s" and "sx", of eight episodes."""
-    plan, store = plan_of(folder, wide_text(2, objects, 8)), Store(folder)
-    store.open_for(plan, None, "cpu")
-    for unit in plan.units():
-        write_unit(store.path(unit), unit.id, {
-            "episode": np.arange(8), "status": np.full(8, "ok", object),
-            "touches": np.full(8, 8), **rows(unit)})
-    return plan, store
+        assert np.isnan(mean_curve(curves, axis, 1, np.zeros(1)).value[0])
 
 
 @pytest.mark.parametrize("over", ["like-these", "these"])

@@ -70,7 +70,7 @@ def test_a_sampled_axis_that_changes_nothing_proves_nothing(objects: int, tmp_pa
     assert medians == of_swept
     assert swept.these == pytest.approx(alone.these, rel=1e-9)
     assert swept.like_these == pytest.approx(alone.like_these, rel=1e-9, nan_ok=True)
-    grid = grid_of(once, "touches")
+    grid = grid_of(once, "touches", 0)
     ends = [mean_curve(curves, "touches", 0, grid) for curves in (once, often)]
     assert np.ptp([end.value[-1] for end in ends]) < 1e-9
     first, second = (end.high[-1] - end.low[-1] for end in ends)
@@ -84,7 +84,7 @@ def test_unfinished_studies_have_the_intervals_of_what_is_there(
     plan, store = unfinished_study(tmp_path, 3, there)
     curves = read_curves(plan, [store])
     first_fits = [at[0] for found in curves.steps["time_s"] for at, _ in found[0]]
-    end = mean_curve(curves, "touches", 0, grid_of(curves, "touches"))
+    end = mean_curve(curves, "touches", 0, grid_of(curves, "touches", 0))
     assert end.low[-1] < end.value[-1] < end.high[-1]
     (row,) = table_rows(same_time_table(curves, "s"))
     assert float(row["ci_low"]) < float(row["chamfer_mm_difference"]) < float(row["ci_high"])
@@ -100,7 +100,7 @@ def test_a_replicate_that_drew_nothing_leaves_the_others(tmp_path: Path) -> None
     plan, store = wide_study(tmp_path, wide_text(2, 1, 4))
     curves = read_curves(plan, [store])
     assert (curves.weights[0].sum(axis=1) == 0).any()
-    end = mean_curve(curves, "time_s", 0, grid_of(curves, "time_s"))
+    end = mean_curve(curves, "time_s", 0, grid_of(curves, "time_s", 0))
     assert end.low[-1] < end.value[-1] < end.high[-1]
     (row,) = table_rows(same_time_table(curves, "s"))
     assert float(row["ci_low"]) <= float(row["chamfer_mm_difference"]) <= float(row["ci_high"])

@@ -201,8 +201,8 @@ def test_better_is_first_and_lower_for_errors(study: tuple[Plan, Store]) -> None
 
 
 def test_intervals_keep_to_the_scores_range() -> None:
-    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1, and time
-    is positive."""
+    """Student's t over two objects knows no bounds; an IoU lies between 0 and 1, and of time
+    nothing is known."""
     means = np.random.default_rng(1).normal(0.5, 0.6, (1 + REPLICATES, 2))
     means[0] = 0.4, 0.6
     entries = tuple(Entry(0, name, {}) for name in "ab")
@@ -215,8 +215,7 @@ def test_intervals_keep_to_the_scores_range() -> None:
     assert (found.error.low < 0.01).all()
     assert (found.error.high > 0.99).all()
     assert (found.error.high <= 1.0).all()
-    assert (found.cost.low >= 0.0).all()
-    assert (found.cost.high > 9).all()
+    assert np.isnan([found.cost.low, found.cost.high]).all()  # beyond a hundred times the mean
     drawn = draw_forest(paired, "iou")
     bars = [c for c in drawn.axes[0].collections if isinstance(c, LineCollection)]
     ends = [x for bar in bars for line in bar.get_segments() for x, _ in line]

@@ -1,0 +1,79 @@
+"""Points of curves, intervals that say nothing, and who is on the front."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from curved_episodes import lists, table_rows, written
+
+from sweeps.analysis.curves import POINTS, curves_table, read_curves
+from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.tables import KINDS, Asked
+from sweeps.run.plan import Unit
+from sweeps.run.unit_file import Columns
+
+SWEPT = '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 6.0]\n'
+
+
+def short_and_long(unit: Unit) -> Columns:
+    """One refitted at 2, 4, 6 and 8 touches; one at 150 places that differ between episodes."""
+    few = unit.cell.strategy.name == "s"
+    at = [[2.0, 4.0, 6.0, 8.0] if few else list(np.arange(7.0 + n, 600.0, 4.0)) for n in range(8)]
+    errors = [list(np.linspace(12.0, 4.0, len(each))) for each in at]
+    return {"touches": np.array([each[-1] for each in at]), "robot_time_s": np.full(8, 50.0),
+            "chamfer_mm": np.full(8, 4.0), "curve_touches": lists(at),
+            "curve_time_s": lists([[50.0 * a / each[-1] for a in each] for each in at]),
+            "curve_chamfer_mm": lists(errors)}
+
+
+def test_an_entry_has_points_of_its_own(tmp_path: Path) -> None:
+    """One of few touches beside one of many lost its first fits, and went on beyond its end."""
+    plan, store = written(tmp_path, 2, short_and_long)
+    rows = [row for row in table_rows(curves_table(read_curves(plan, [store])))
+            if row["against"] == "touches"]
+    few, many = ([row for row in rows if row["strategy"] == name] for name in ("s", "sx"))
+    assert [float(row["at"]) for row in few] == [2.0, 4.0, 6.0, 8.0]
+    assert [float(row["chamfer_mm"]) for row in few] == pytest.approx(
+        np.linspace(12.0, 4.0, 4), abs=1e-3)
+    places = [float(row["at"]) for row in many]
+    assert len(places) <= POINTS + 2
+    assert places[0] == 14.0  # from where all eight have a fit
+    assert places[-1] == max(float(np.arange(7.0 + n, 600.0, 4.0)[-1]) for n in range(8))
+    assert many[-1]["chamfer_mm"] == "4.000"
+
+
+def far_apart(unit: Unit) -> Columns:
+    """Of two objects whose means differ so much that nothing follows for others like these."""
+    far = unit.cell.object_name == "block"
+    return {"chamfer_mm": np.linspace(38.0, 42.0, 8) if far else np.linspace(1.0, 2.0, 8),
+            "robot_time_s": np.linspace(200.0, 220.0, 8) if far else np.full(8, 2.0)}
+
+
+def test_intervals_that_say_nothing_are_unknown_in_every_table(tmp_path: Path) -> None:
+    """They ended at kilometres and at months."""
+    plan, store = written(tmp_path, 2, far_apart, SWEPT)
+    for row in table_rows(make_leaderboard(plan, [store]))[:4]:
+        assert row["chamfer_mm_ci_high"] == "NA"
+    asked = Asked(plan, [store], "chamfer_mm", None, "like-these")
+    for kind, ends in (("pareto", ("chamfer_mm_ci", "robot_time_s_ci")), ("curves", ("ci",)),
+                       ("settings", ("chamfer_mm_ci",))):
+        for row in table_rows(KINDS[kind][0](asked)):
+            assert {row[f"{end}_{side}"] for end in ends for side in ("low", "high")} == {"NA"}
+            assert row["chamfer_mm"] != "NA"
+
+
+@pytest.mark.parametrize("score", [20.0, 25.0])
+def test_who_is_no_better_than_its_prior_is_not_on_the_front(tmp_path: Path, score: float) -> None:
+    """One that fails before its first move takes no time, and no other was cheaper."""
+    def rows(unit: Unit) -> Columns:
+        dies = unit.cell.strategy.name == "sx"
+        return {"status": np.full(8, "strategy_failed" if dies else "ok", object),
+                "chamfer_mm": np.full(8, score if dies else 5.0),
+                "prior_chamfer_mm": np.full(8, 20.0),
+                "robot_time_s": np.full(8, 0.0 if dies else 50.0)}
+
+    plan, store = written(tmp_path, 2, rows)
+    asked = Asked(plan, [store], "chamfer_mm", None, None)
+    dies, good = table_rows(KINDS["pareto"][0](asked))
+    assert (dies["dominated_by"], dies["p_front"]) == ("given-prior", "0.000")
+    assert (good["dominated_by"], good["p_front"]) == ("", "1.000")

@@ -1,0 +1,147 @@
+"""Frames that show means whatever intervals and names are, and marks that tell entries apart."""
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+from curved_episodes import table_rows, wide_study, wide_text, written
+from drawn_text import looks_right, texts
+from matplotlib.container import ErrorbarContainer
+
+from sweeps.analysis.bootstrap import REPLICATES
+from sweeps.analysis.confusion import Confusion
+from sweeps.analysis.curves import curves_table, read_curves
+from sweeps.analysis.entries import Entry
+from sweeps.analysis.paired import Paired
+from sweeps.analysis.pareto import COST
+from sweeps.figures.contacts import ContactsShown, _drawn
+from sweeps.figures.heat_maps import draw_confusion
+from sweeps.figures.kinds import KINDS, Asked
+from sweeps.figures.pareto import draw_pareto
+from sweeps.figures.style import COLUMN_IN, cut_to, text_width_in, titled
+from sweeps.figures.taxels import PadTouch, TaxelsShown
+from sweeps.figures.taxels import _drawn as taxels_drawn
+from sweeps.run.plan import Unit
+from sweeps.run.unit_file import Columns
+from warpgrasp.objects.catalogue_names import BODY_NAMES, NO_ANSWER, NONE_OF_THESE
+from warpgrasp.parameters import PadTable
+
+SWEPT = '[sweep.grid]\n"sensors.tendon_threshold_N" = [3.0, 12.0]\n'
+WIDE_NAMES = ("Large_Measuring_Cup_With_Handle_And_Wide_Mouth_No_00042", "MW" * 20)
+
+
+def wide_intervals(unit: Unit) -> Columns:
+    """Two objects: the intervals of others like these reach twenty times as far as the means."""
+    far = unit.cell.object_name == "block"
+    return {"chamfer_mm": np.linspace(12.0, 13.0, 8) if far else np.linspace(8.0, 9.0, 8),
+            "robot_time_s": np.full(8, 60.0 if far else 40.0)}
+
+
+@pytest.mark.parametrize("kind", ["pareto", "curves-touches", "levels"])
+def test_intervals_do_not_set_the_frame(tmp_path: Path, kind: str) -> None:
+    plan, store = written(tmp_path, 2, wide_intervals, SWEPT)
+    ends = [float(row["ci_high"]) for row in table_rows(curves_table(read_curves(plan, [store])))]
+    assert max(ends) > 200.0
+    drawn = KINDS[kind](Asked(plan, [store]))
+    looks_right(drawn)
+    low, high = drawn.axes[0].get_ylim()
+    assert low < 8.0
+    assert 13.0 < high < 40.0
+    assert any("cut" in text for text, _ in texts(drawn)) or "cut" in drawn.get_supylabel()
+
+
+def test_curves_of_unlike_lengths_have_a_logarithmic_axis(tmp_path: Path) -> None:
+    def rows(unit: Unit) -> Columns:
+        few = unit.cell.strategy.name == "s"
+        return {"chamfer_mm": np.linspace(4.0, 5.0, 8), "touches": np.full(8, 8 if few else 600),
+                "robot_time_s": np.full(8, 50.0)}
+
+    plan, store = written(tmp_path, 3, rows)
+    drawn = KINDS["curves-touches"](Asked(plan, [store]))
+    looks_right(drawn)
+    assert drawn.axes[0].get_xscale() == "symlog"
+    assert drawn.axes[0].get_xlabel() == "touches, logarithmic"
+    assert KINDS["curves-time"](Asked(plan, [store])).axes[0].get_xscale() == "linear"
+
+
+def test_entries_of_a_front_look_different() -> None:
+    count = 12
+    entries = tuple(Entry(n, f"s{n}", {}) for n in range(count))
+    errors = np.linspace(20.0, 5.0, count) + np.linspace(-0.5, 0.5, 8)[:, None]
+    costs = np.linspace(10.0, 100.0, count) + np.linspace(-0.5, 0.5, 8)[:, None]
+    paired = Paired(entries, ("block", "wedge"), {"chamfer_mm": (errors,) * 2, COST: (costs,) * 2},
+                    {name: np.tile(v.mean(0), (1 + REPLICATES, 1))
+                     for name, v in (("chamfer_mm", errors), (COST, costs))}, ())
+    drawn = draw_pareto(paired, "chamfer_mm")
+    looks_right(drawn)
+    marks = [(bars.lines[0].get_marker(), bars.lines[0].get_color())
+             for bars in drawn.axes[0].containers if isinstance(bars, ErrorbarContainer)
+             and str(bars.get_label()).startswith("s") and bars.lines[0] is not None]
+    assert len(marks) == len(set(marks)) == count
+    assert "less is better" in drawn.axes[0].get_ylabel()
+
+
+def test_levels_have_ticks_at_the_values_that_were_swept(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(3, 3, 4, """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3.0, 12.0]
+"contact.friction" = [0.001, 0.01, 0.1, 1.0]
+"strategy.tilt_deg" = [30.0, 31.0, 70.0]
+"strategy.closings" = [["together"], ["curl40", "base_then_curl"], ["together", "curl40"]]
+"""))
+    drawn = KINDS["levels"](Asked(plan, [store]))
+    looks_right(drawn)
+    newtons, friction, tilt, _ = drawn.axes
+    assert newtons.get_xticks().tolist() == [3.0, 12.0]
+    assert np.sort(friction.get_xticks()) == pytest.approx([0.001, 0.01, 0.1, 1.0])
+    assert 70.0 in tilt.get_xticks()
+    assert {line.get_linestyle() for line in drawn.legends[0].get_lines()} != {"None"}
+    looks_right(KINDS["settings"](Asked(plan, [store])))
+
+
+def confusion(known: int, others: int) -> Confusion:
+    """Objects that are taken for themselves and some for others, and objects that nothing is."""
+    bodies = list(BODY_NAMES)[:known] + [f"Scanned_Object_With_Long_Name_{n:02d}"
+                                         for n in range(known - len(BODY_NAMES))]
+    objects = [*bodies, *(f"Other_Object_With_A_Long_Name_{n:02d}" for n in range(others))]
+    counts = {("ring4", body): Counter({body if body in bodies else NONE_OF_THESE: 8,
+                                        bodies[0]: 2, NO_ANSWER: 1}) for body in objects}
+    return Confusion(("ring4",), tuple(objects), (*objects, NONE_OF_THESE, NO_ANSWER), counts,
+                     {"ring4": 0.7}, ())
+
+
+@pytest.mark.parametrize(("known", "others"), [(1, 0), (5, 24), (11, 0), (40, 24)])
+def test_a_confusion_matrix_of_many_objects_is_readable(known: int, others: int) -> None:
+    drawn = draw_confusion(confusion(known, others))
+    looks_right(drawn)
+    axes, answers = drawn.axes[0], known + 1 + (others > 0)
+    assert axes.get_xlim() == (-0.5, answers - 0.5)  # none of what nothing was taken for
+    if answers > 13:
+        assert f"{known + others + 2} {NO_ANSWER}" in axes.get_xlabel()
+        assert axes.get_yticklabels()[2].get_text() == "3 small_cylinder"
+
+
+def test_a_confusion_matrix_of_wide_names_keeps_its_cells() -> None:
+    found = Confusion(("a-very-long-name-" * 4,), WIDE_NAMES, (*WIDE_NAMES, NONE_OF_THESE),
+                      {("a-very-long-name-" * 4, name): Counter({NONE_OF_THESE: 3, name: 1})
+                       for name in WIDE_NAMES}, {"a-very-long-name-" * 4: 0.5}, ())
+    drawn = draw_confusion(found)
+    looks_right(drawn)
+    assert drawn.axes[0].get_window_extent().width / drawn.dpi > 1.0
+    assert drawn.axes[0].get_xticklabels()[-1].get_text() == NONE_OF_THESE
+
+
+@pytest.mark.parametrize("name", WIDE_NAMES)
+def test_titles_keep_their_words_beside_long_names(name: str) -> None:
+    cube = np.array([[[x, 0, 0], [x, 30, 0], [x, 30, 50], [x, 0, 50]] for x in (-30.0, 30.0)])
+    shown = ContactsShown(name, "recovered body", False, cube, cube, cube[:, 0], np.ones(2, bool))
+    looks_right(_drawn(shown, wide=False))
+    touches = (PadTouch(1, 1, np.full((16, 16), 90, np.uint8)),)
+    looks_right(taxels_drawn(TaxelsShown(name, touches, PadTable())))
+    title = titled(name, "traces on faces, planes fitted; neighbours at 89.9 deg")
+    assert title.endswith("\ntraces on faces, planes fitted; neighbours at 89.9 deg")
+    for line in title.split("\n"):
+        assert text_width_in(line, 7.5) < COLUMN_IN
+    assert titled("block", "contacts") == "block: contacts"
+    assert cut_to("block", 1.0) == "block"
