@@ -256,9 +256,10 @@ def _immovable(tables: Mapping[str, Any]) -> str:
                 "below the second")
     if arm.kind != PUMA560 or arm == ArmTable():
         return ""
-    from warpgrasp.mechanism.puma560 import puma_misfit  # kernels, for arms that are changed alone
+    # Kernels, imported for arms that are changed alone.
+    from warpgrasp.mechanism.puma560 import home_misfit, puma_misfit
 
-    return puma_misfit(arm)
+    return puma_misfit(arm) or home_misfit(arm)
 
 
 def feels_with_pads(study: Study) -> bool:

@@ -14,7 +14,7 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.arms.arm_model import ArmModel
 from warpgrasp.arms.serial_arm import flange_poses, padded, serial_of
 from warpgrasp.core.dtypes import vec7
-from warpgrasp.mechanism.puma560 import HOME_RAD, puma_arm, puma_forward_batch
+from warpgrasp.mechanism.puma560 import HOME_RAD, home_misfit, puma_arm, puma_forward_batch
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
 
@@ -74,11 +74,13 @@ def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
 
 
 def arm_home(table: ArmTable) -> np.ndarray:
-    """The joints where an episode starts, (joint,)."""
+    """The joints where an episode starts, (joint,). Raises ValueError where limits exclude it."""
     model = serial_model(table)
     if model is not None:
         return np.array(model.home_rad)
     if not is_floating(table):
+        if wrong := home_misfit(table):
+            raise ValueError(wrong)
         return np.array(HOME_RAD)
     home = np.array(_FLOATING_HOME)
     home[:3] = np.clip(home[:3], table.box_low_m, table.box_high_m)

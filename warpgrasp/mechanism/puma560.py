@@ -27,12 +27,16 @@ ALPHA_RAD = (np.pi / 2, 0.0, -np.pi / 2, np.pi / 2, -np.pi / 2, 0.0)
 
 
 def puma_misfit(table: ArmTable) -> str:
-    """Why the closed-form inverse does not cover a table, or the arm cannot start; empty where all
-    is well."""
+    """Why the closed-form inverse does not cover a table; empty where it does."""
     d, a = table.d_m, table.a_m
     if d[1] or d[4] or d[5] or a[0] or any(a[3:]):
         return ("the closed-form inverse wants d2 = d5 = d6 = a1 = a4 = a5 = a6 = 0 (of six each); "
                 "the length of a tool is hand.mount_length_mm")
+    return ""
+
+
+def home_misfit(table: ArmTable) -> str:
+    """Why the arm cannot start at `HOME_RAD`; empty where it can."""
     for joint, (low, home, high) in enumerate(zip(
             table.limit_low_rad, HOME_RAD, table.limit_high_rad, strict=True)):
         if not low <= home <= high:
