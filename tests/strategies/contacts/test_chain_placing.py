@@ -2,6 +2,7 @@
 superquadric that a field is of; the Utah-MIT hand as its own kernels have it."""
 
 from dataclasses import fields, replace
+from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
 
@@ -38,6 +39,7 @@ AS_CHAIN = HandTable(kind=str(files("warpgrasp.hands") / "data" / "utah_mit.toml
 SHARES = np.array([*((np.arange(12) + 0.5) / 12), 1.0])
 
 
+@lru_cache
 def explored(hand: HandTable) -> EpisodeBlock:
     """Grasps of a block."""
     return run_block(Cell(STRATEGIES["ring6"], {"name": "block"}, "block", seed=5, hand=hand),

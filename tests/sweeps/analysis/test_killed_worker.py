@@ -12,6 +12,7 @@ from sweeps.analysis import rerun_episode
 from sweeps.analysis.rerun_episode import Episode, WorkerDied, in_a_worker, rerun_all
 from sweeps.report.views import Picked, make_views
 
+pytestmark = pytest.mark.slow
 MARK = "WARPGRASP_TEST_KILLED"
 ONCE, ALWAYS = 2, 3
 

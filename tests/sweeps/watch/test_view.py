@@ -238,6 +238,7 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_was_worked_on_last_is_shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
