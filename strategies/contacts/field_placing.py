@@ -8,14 +8,8 @@ from jaxtyping import Bool, Float
 
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.placing_hands import placing_hand
-from strategies.contacts.placing_posterior import (
-    AROUND,
-    CAP,
-    STATIONS,
-    UNLIKELY,
-    WIDEST,
-    Tried,
-)
+from strategies.contacts.placing_posterior import STATIONS, UNLIKELY, WIDEST, Tried
+from strategies.contacts.placing_sums import AROUND, CAP
 from warpgrasp.core.dtypes import mat33, real, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.core.lanes import has_lanes

@@ -28,6 +28,8 @@ from strategies.contacts.link_places import (
     turning_at,
 )
 from strategies.contacts.placing_sums import (
+    AROUND,
+    CAP,
     LEVEL,
     NEGLIGIBLE,
     WORST,
@@ -54,12 +56,8 @@ from warpgrasp.geometry.superquadric_gauges import gauges_at
 
 ALONG = 12
 """Places along a link's axis."""
-AROUND = 7
-"""Directions around it."""
 STATIONS = ALONG + 1
 """Those places and the link's end."""
-CAP = 5
-"""Directions over the round tip, each way."""
 WIDEST = 2.25
 """Directions tried reach this many standard deviations from the body's normal."""
 _ALONG = wp.constant(ALONG)

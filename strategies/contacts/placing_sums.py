@@ -13,7 +13,11 @@ WORST = wp.constant(real(1e12))
 NEGLIGIBLE = wp.constant(real(60.0))
 """What lies so far in chi-square above the smallest does not count."""
 
-MOST_DIRECTIONS = 32
+AROUND = 7
+"""Directions around a link."""
+CAP = 5
+"""Directions over a round tip, each way."""
+MOST_DIRECTIONS = max(AROUND, CAP * CAP)
 """That are summed up at one place."""
 LEVEL = 1e-9
 """A direction of a tip that leans back by less is level with its rim, and counts: a fifth of them
