@@ -252,7 +252,7 @@ def _immovable(tables: Mapping[str, Any]) -> str:
     arm, hand = tables["arm"], tables["hand"]
     low, high = hand.abduction_limit_rad
     if not low < high:
-        return (f"abduction_limit_deg is {degrees(low):g}, {degrees(high):g}; the first should be "
+        return (f"is {degrees(low):g}, {degrees(high):g}; the first should be "
                 "below the second")
     if arm.kind != PUMA560 or arm == ArmTable():
         return ""
