@@ -25,6 +25,7 @@ from warpgrasp.core.dtypes import (
     real,
     struct,
     transform,
+    vec2,
     vec3,
     vec4,
 )
@@ -159,13 +160,22 @@ def _nearest_share(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3):
 
 
 @wp.func
-def _clear(s: SuperquadricShape, lanes: bool, to_body: transform, a: vec3, b: vec3, radius: real,
-           worst: real):
-    """Clearance of a capsule of the base frame from body and table, at most `worst`."""
-    clear = lesser(a[2], b[2]) - radius
-    body = _capsule_distance(s, lanes, wp.transform_point(to_body, a),
-                             wp.transform_point(to_body, b), radius, lesser(worst, clear))
-    return lesser(worst, lesser(clear, body))
+def _comes(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3, radius: real, height: vec2,
+           way: vec3, sinks: real, whole: real, scale: real):
+    """Whether a capsule comes clear of body and table to where its axis is from `a` to `b` in the
+    body's frame, at `height` over the table; `whole` is how far it comes along `way`, of which it
+    loses `sinks` of height. Looked at from its end back: there it is likeliest to strike."""
+    back = ZERO
+    for _ in range(_MARCHES):
+        table = lesser(height[0], height[1]) + sinks * back - radius
+        off = way * back
+        clear = lesser(table, _capsule_distance(s, lanes, a - off, b - off, radius, table))
+        if clear < ZERO:
+            return False
+        if back >= whole:
+            return True
+        back = lesser(back + greater(clear * scale, _SHORTEST), whole)
+    return True
 
 
 @wp.kernel(enable_backward=False)
@@ -192,33 +202,29 @@ def approach_kernel(
         return
     s = shape[w]
     lanes = has_lanes and superquadric_is_plain(s, pose[w])
-    to_body = wp.transform_inverse(pose[w])
     at = hand_pose[w, p]
+    to_body = wp.transform_inverse(pose[w])
     z = wp.transform_vector(at, vec3(ZERO, ZERO, ONE))
+    way = wp.transform_vector(to_body, z)
     scale = wp.where(greater(wp.abs(s.kx), wp.abs(s.ky)) + s.bend > ZERO, HALF, ONE)
-    left = ZERO
+    whole = ZERO
     if g == 0:
-        left = _RETREAT
-    for _ in range(_MARCHES):
-        here = transform(wp.transform_get_translation(at) - z * left,
-                         wp.transform_get_rotation(at))
-        clear = _FAR
-        for finger in range(link_count.shape[0]):
-            there = wp.transform_multiply(here, base[finger])
-            for link in range(link_count[finger]):
-                clear = _clear(s, lanes, to_body,
-                               wp.transform_point(there, links[g, finger, link, 0].start),
-                               wp.transform_point(there, links[g, finger, link, 0].end),
-                               radius[finger, link], clear)
-        for b in range(bar.shape[0]):
-            clear = _clear(s, lanes, to_body, wp.transform_point(here, bar[b, 0]),
-                           wp.transform_point(here, bar[b, 1]), bar_radius[b], clear)
-        if clear < ZERO:
+        whole = _RETREAT
+    for i in range(bar.shape[0]):
+        a = wp.transform_point(at, bar[i, 0])
+        b = wp.transform_point(at, bar[i, 1])
+        if not _comes(s, lanes, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
+                      bar_radius[i], vec2(a[2], b[2]), way, -z[2], whole, scale):
             return
-        if left <= ZERO:
-            free[w, p, g] = True
-            return
-        left = greater(left - greater(clear * scale, _SHORTEST), ZERO)
+    for finger in range(link_count.shape[0]):
+        there = wp.transform_multiply(at, base[finger])
+        for link in range(link_count[finger]):
+            a = wp.transform_point(there, links[g, finger, link, 0].start)
+            b = wp.transform_point(there, links[g, finger, link, 0].end)
+            if not _comes(s, lanes, wp.transform_point(to_body, a), wp.transform_point(to_body, b),
+                          radius[finger, link], vec2(a[2], b[2]), way, -z[2], whole, scale):
+                return
+    free[w, p, g] = True
 
 
 @wp.kernel(enable_backward=False)
