@@ -8,6 +8,7 @@ that they expect of a pose. The plain ones beside them are in `unguided`.
 from abc import ABC, abstractmethod
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
@@ -106,7 +107,7 @@ class GreedyCoverage(OneAtATime):
         near = np.where(found, NEW_AT_M, 0.0)
         for world in np.flatnonzero(evidence.mask.any(1)):
             felt = evidence.points_m[world, evidence.mask[world]]
-            apart = np.linalg.norm(points[world, found[world]][:, None] - felt, axis=-1).min(1)
+            apart = cdist(points[world, found[world]], felt).min(1)
             near[world, found[world]] = np.minimum(apart, NEW_AT_M)
         return near.sum(-1)
 

@@ -100,13 +100,11 @@ class _Field:
         if len(known):
             alike = _matern(self.places[known], self.places[known])
             shared = self.slopes[known] @ self.slopes[known].T + np.eye(len(known))
-            factors, scores = [], []
-            for misfit in MISFITS_M:
-                factor = np.linalg.cholesky((misfit / NOISE_M) ** 2 * alike + shared)
-                white = np.linalg.solve(factor, residual / NOISE_M)
-                factors.append(factor)
-                scores.append(-0.5 * white @ white - np.log(np.diag(factor)).sum())
-            best = int(np.argmax(scores))
+            factors = np.linalg.cholesky(
+                (np.array(MISFITS_M) / NOISE_M)[:, None, None] ** 2 * alike + shared)
+            white = np.linalg.solve(factors, residual[:, None] / NOISE_M)[..., 0]
+            scale = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
+            best = int(np.argmax(-0.5 * (white**2).sum(1) - scale))
             self.misfit = MISFITS_M[best]
             self.whiten = np.linalg.inv(factors[best])
 

@@ -108,8 +108,8 @@ def test_gaussian_process_plans_with_the_free_form_that_it_recovers() -> None:
     assert table is not None
     short = replace(STRATEGIES["gaussian-process"], touches=40)
     cell = Cell(short, table, "hammer-1", seed=4, fit=replace(FIT, reconstruct="implicit"))
-    rows = run_episodes(cell, np.arange(2), "cpu")
-    about_model = run_episodes(replace(cell, fit=FIT), np.arange(2), "cpu")
+    rows = run_episodes(cell, np.arange(6), "cpu")
+    about_model = run_episodes(replace(cell, fit=FIT), np.arange(6), "cpu")
     assert rows["touched10mm"].min() > 0.2 > 2.0 * about_model["touched10mm"].max()
     assert rows["chamfer_mm"].mean() < 0.5 * about_model["chamfer_mm"].mean()
     alone = run_episodes(cell, np.arange(1, 2), "cpu")
