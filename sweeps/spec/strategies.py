@@ -150,7 +150,8 @@ def read_names(key: str, value: Any, path: KeyPath, problems: Problems) -> tuple
     for n, name in enumerate(value):
         if not isinstance(name, str) or (key == "order" and name not in valid):
             problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
-    return tuple(name for name in value if isinstance(name, str))
+    return tuple(name for name in value
+                 if isinstance(name, str) and (key == "closings" or name in valid))
 
 
 def _read_waypoints(value: Any, path: KeyPath, base_dir: Path,
