@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "kernel_launch": ["GPU_BLOCK", "ShapeError", "array_of", "launch",
         "launch_in_turn", "set_thread_count"],
     "lanes": ["LANES", "has_lanes", "lanes_begin", "polynomial"],
-    "plain_text": ["counted", "csv_cell", "on_one_line", "printable"],
+    "plain_text": ["counted", "csv_cell", "first_few", "on_one_line", "printable"],
     "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],
     "turns": ["frame_axes", "sine_cosine"],
     "struct_array": ["Records", "record_type", "repeated"],
