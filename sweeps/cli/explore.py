@@ -52,8 +52,8 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
     device
         cpu, or cuda:0.
     """
-    if not abs(yaw_deg or 0.0) < 1e6:
-        raise UsageError(f"--yaw-deg: is {yaw_deg}; should be a finite number")
+    if not abs(yaw_deg or 0.0) <= 360:
+        raise UsageError(f"--yaw-deg: is {yaw_deg:g}; should be a number from -360 to 360")
     _check_place("--x-m", x_m)
     _check_place("--y-m", y_m)
     _check_apart(x_m, y_m)

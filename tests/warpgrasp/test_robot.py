@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from strategies.procedures.containment import explore_by_containment, padded_commands
+from warpgrasp.arms.arm_file import arm_named
 from warpgrasp.arms.arm_model import ArmError
+from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.mechanism.arm import serial_model
 from warpgrasp.objects.catalogue import body_from_name
@@ -65,6 +67,12 @@ def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:
         robot(Truth(POSE), kind="alegro")
     with pytest.raises(ArmError, match="arm 'ur5'; should be one of ur5e, panda, puma560, none, "):
         serial_model(ArmTable(kind="ur5"))
+
+
+def test_a_file_of_a_hand_or_arm_ends_in_toml() -> None:
+    for named, kind in ((hand_named, HandError), (arm_named, ArmError)):
+        with pytest.raises(kind, match=r"'./my_own'; .* or a TOML file, whose name ends in \.toml"):
+            named("./my_own")
 
 
 def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:

@@ -137,6 +137,7 @@ BAD_TABLES = [
      "0.05729577951 to "),
     ("[hand]\nflexion_low_deg = [95, 0, 0]", "spec.toml:11: hand.flexion_low_deg: "
      "flexion_low_deg should be below flexion_high_deg"),
+    ("[object]\nyaw_deg = 1e300", "object.yaw_deg: is 1e+300; should be a number from -360 to 360"),
     ("[fit]\ntaper = 1", "fit.taper: is 1; should be true or false"),
     ("[sweep]\ngrd = 1", "sweep.grd: unknown key; did you mean grid?"),
     ("[sweep.grid]", "spec.toml:10: sweep.grid: is empty"),
