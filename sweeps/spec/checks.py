@@ -38,13 +38,17 @@ LIMIT_KEYS = ("hand.abduction_limit_deg", "arm.d_mm", "arm.a_mm", "arm.limit_low
 
 def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],
                 problems: Problems) -> None:
-    """Checks pairs that are not swept, whichever of the two was given."""
+    """Checks pairs that are not swept, and those that one robot has without the sweep; whichever of
+    the two was given."""
     swept = {key for axis in axes for key in axis.keys}
+    apart = "robot.swept" in swept or tables["robot"].swept != "both"
     for section, low, high in _PAIRS:
         lows, highs = (_set(tables, section, name) for name in (low, high))
-        if not {f"{section}.{low}", f"{section}.{high}"} & swept and (lows >= highs).any():
+        here = {f"{section}.{low}", f"{section}.{high}"} & swept
+        if (not here or (apart and section in APART)) and (lows >= highs).any():
             at = low if low in given.get(section, {}) else high
-            problems.add((section, at), f"{low} should be below {high}")
+            whose = "of the robot that is not swept: " if here else ""
+            problems.add((section, at), f"{whose}{low} should be below {high}")
 
 
 def check_swept_order(tables: Mapping[str, Any],
@@ -163,6 +167,7 @@ def check_used(study: Study, problems: Problems) -> None:
                    "stereo and an order has contour or decide"),
         "errors": (study.values_of("errors.scale") != {0.0}, "errors.scale is 0, and is a factor "
                    "of all other errors")}
+    idle = {section for section, (reason, _) in used.items() if not reason}
     for section, (reason, where) in used.items():
         if not reason:
             note_idle(study, section, {
@@ -170,7 +175,7 @@ def check_used(study: Study, problems: Problems) -> None:
                 for key, field in spec_fields(SECTIONS[section]).items()
                 if f"{section}.{key}" not in _DECIDING}, (), problems)
     for keys, reads, where in _READ_WHERE:
-        for key in () if reads(study) else keys:
+        for key in () if reads(study) else [k for k in keys if k.partition(".")[0] not in idle]:
             for path in places_of_swept(study, key, problems):
                 problems.add(path, f"changes nothing in this study: {where}")
     if not problems.found:

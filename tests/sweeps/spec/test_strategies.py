@@ -91,6 +91,7 @@ ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
     (RING + "[errors]\nscale = 0\n", '"errors.mount_mm" = [0.1, 0.2]', "errors.scale is 0, and is"),
     (RING, '"errors.scale" = [0, 1]\n"errors.mount_mm" = [0.1, 0.2]', ""),
     (RING + "[errors]\nscale = 0\n", '"errors.scale" = [0]', ""),
+    (RING + "[errors]\nscale = 0\n", '"errors.pad_mm" = [0.1, 0.2]', "errors.scale is 0, and is"),
     (RING, '"errors.pad_gain_pct" = [5, 10]', "pads feel where an order has"),
     (RING, '"fit.normals" = [true, false]', "pads feel where an order has"),
     (RANDOM, '"fit.free_tips" = [true, false]', ""),
