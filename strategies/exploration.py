@@ -18,12 +18,7 @@ from fit.arrays import row_sums, rows_of, with_rows
 from fit.fit_status import FitStatus
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
-from strategies.contacts.finger_touch import (
-    TouchedLinks,
-    joined_links,
-    no_links,
-    touched_links,
-)
+from strategies.contacts.finger_touch import TouchedLinks, joined_links, no_links, touched_links
 from strategies.exploration_record import Exploration, Procedure
 from strategies.planners.from_strategy import Budget, within_budget
 from strategies.planners.guarded_call import guarded_call
@@ -39,7 +34,7 @@ from strategies.planners.probes import (
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.hand_outline import outline_of
 from strategies.poses.waypoints import BoundingCylinder
-from strategies.procedures.containment import explore_by_containment
+from strategies.procedures.containment import check_closings, explore_by_containment
 from strategies.procedures.contour_follower import explore_contour
 from strategies.procedures.contour_record import ContourExploration
 from strategies.procedures.contour_shape import Profile, later_profile, profile_of, with_profiles
@@ -74,6 +69,7 @@ from strategies.recovery.plausibility import (
     within_reach,
 )
 from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refitted
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
 from warpgrasp.probe_status import ProbeStatus
@@ -95,7 +91,17 @@ def explore(
     `seed` (world,) uint64 is the strategy's own; `table` says what the fits go by; `closings` are
     the paths of grasps that name none. `observe` is shown the belief after every fit. `oracle` is
     the planner, if it is one that may foresee: what it is handed leads to the truth. Without
-    `fits_on_way` bodies are fitted after the first step and at the end."""
+    `fits_on_way` bodies are fitted after the first step and at the end.
+
+    Raises TypeError for a planner that cannot be called and for seeds that are no whole numbers,
+    ValueError for priors and seeds that are not one a world, and for closing paths that the hand
+    has not."""
+    if not callable(planner):
+        raise TypeError(f"planner: is {type(planner).__name__}; should be a function of a Belief, "
+                        "such as `planner_of` makes of a Strategy")
+    check_array("seed", seed, "whole numbers", "world", world=robot.worlds)
+    check_array("prior.x_m", prior.x_m, "numbers", "world", world=robot.worlds)
+    check_closings(closings, robot.hand)
     run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
     if oracle is not None:
         oracle.foresee = run.imagine

@@ -45,6 +45,12 @@ class Strategy:
     volume_ratio: float | None = _number(
         None, 1.0, 1e6, "budget: 90 % interval of the volume, upper over lower bound")
 
+    def __post_init__(self) -> None:
+        if isinstance(self.order, str) or not (self.call or self.order) or not (
+                set(self.order) <= set(PROCEDURES)):
+            raise ValueError(f"Strategy: order is {self.order!r}; should be a list of "
+                             f"{', '.join(PROCEDURES)}, such as (\"containment\",)")
+
 
 BUDGET_KEYS = ("touches", "robot_time_s", "volume_ratio")
 PROCEDURES: dict[str, str] = {

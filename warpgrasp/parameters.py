@@ -312,7 +312,8 @@ class ObjectTable:
     x_m: float = _number(0.45, -OBJECT_REACH_M, OBJECT_REACH_M,
                          "place on the table, base frame [paper: near]")
     y_m: float = _number(0.0, -OBJECT_REACH_M, OBJECT_REACH_M, "place on the table")
-    yaw_rad: float | None = _number(None, -inf, inf, "turn about the vertical; unset: at random")
+    yaw_rad: float | None = _number(None, -2 * pi, 2 * pi,
+                                    "turn about the vertical; unset: at random")
     prior: str = _choice("cylinder", ("cylinder", "box", "silhouettes", "depth"),
                          "what is given: a bounding cylinder, the narrowest upright box, a "
                          "cylinder from silhouettes of two cameras, or a box about what they see "

@@ -15,7 +15,7 @@ import numpy as np
 
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.closing.contact_estimate import ContactEstimate
-from warpgrasp.core.kernel_launch import check_range
+from warpgrasp.core.array_checks import check_array, check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
@@ -119,7 +119,8 @@ class Robot:
         errors of calibration, whose deviations are those of `errors`. The robot that is has the
         tables `true`; those that are believed where there are none.
 
-        Raises ValueError for bodies that are none, for a number that none of them has, for poses,
+        Raises TypeError for keys and numbers of bodies that are no whole numbers, ValueError for
+        bodies that are none, for a number that none of them has, for poses,
         keys and numbers of bodies that are not as many, and where `true` moves the hand along its
         mount, which arm and hand share, or is another hand, or where errors could make a factor
         zero or less; HandError for a hand that cannot be used.
@@ -127,6 +128,8 @@ class Robot:
         if isinstance(bodies, Body) or not all(isinstance(each, Body) for each in bodies):
             raise ValueError(f"bodies: are {bodies!r:.80}; should be a list of Body, such as "
                              '[body_from_name("block")]')
+        check_array("body", body, "whole numbers", "world")
+        check_array("key", key, "whole numbers", "world")
         check_range("body", body, 0, len(bodies) - 1)
         if len(key) != len(truth.body_pose) or len(body) not in (1, len(key)):
             raise ValueError(f"{len(truth.body_pose)} true poses, {len(key)} keys, {len(body)} "
@@ -183,11 +186,21 @@ class Robot:
         (world, probe, finger) bool says which fingers close, all unless given; the others stay
         open, and are NOT_TRIED.
 
-        Raises ValueError for a wanted pose that is no place and unit quaternion.
+        Raises ValueError for arrays of other shapes, TypeError of other kinds, and ValueError for
+        a wanted pose that is no place and unit quaternion.
         """
-        _check_poses("hand_pose", hand_pose, wanted)
+        check_array("hand_pose", hand_pose, "numbers", "world probe 7", world=self.worlds)
+        worlds, probes, _ = hand_pose.shape
+        check_array("wanted", wanted, "bool", "world probe", world=worlds, probe=probes)
+        fingers = commands_rad.shape[1]
+        if room is not None:
+            check_array("room", room, "numbers", "world", world=worlds)
         if closes is None:
-            closes = np.ones((1, 1, commands_rad.shape[1]), bool)
+            closes = np.ones((1, 1, fingers), bool)
+        else:
+            check_array("closes", closes, "bool", "world probe finger", world=worlds, probe=probes,
+                        finger=fingers)
+        _check_poses("hand_pose", hand_pose, wanted)
         if room is not None:
             wanted = self._within(room, hand_pose, wanted, commands_rad, closes)
         number = self._numbers(wanted)

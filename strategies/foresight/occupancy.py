@@ -27,7 +27,7 @@ from strategies.foresight.prospect_kernel import (
 )
 from strategies.poses.waypoints import PRIOR_MARGIN_M, BoundingBox, BoundingCylinder
 from strategies.procedures.depth_prior import SeenBox, believed_after
-from warpgrasp.core.kernel_launch import check_range
+from warpgrasp.core.array_checks import check_range
 
 CELLS = (40, 40, 28)
 """Of every grid, along x, y, z."""

@@ -23,6 +23,7 @@ from strategies.poses.waypoints import (
     Top,
     WaypointError,
 )
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.parameters import HandTable
 
@@ -43,8 +44,13 @@ def waypoint_poses(
     """Hand poses of all families, one after the other, shape (world, probe, 7).
 
     Position [m] and quaternion xyzw in the robot's base frame. `key` (world,) uint64 draws the
-    random families. Raises WaypointError for a file that cannot be used, and for what is no family.
+    random families. Raises WaypointError for a file that cannot be used, and for what is no family;
+    ValueError or TypeError for keys of another shape or kind.
     """
+    check_array("key", key, "whole numbers", "world", world=prior.worlds)
+    if not isinstance(waypoints, Sequence):
+        raise WaypointError(f"waypoints: are {waypoints!r}; should be a list of families, such as "
+                            "[Ring(count=6)]")
     wrong = [family for family in waypoints if type(family) not in _FAMILY]
     if wrong or not len(waypoints):
         names = ", ".join(family.__name__ for family in _FAMILY)

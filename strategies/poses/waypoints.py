@@ -37,6 +37,17 @@ class BoundingCylinder:
     """How far the object may reach beyond it: three standard deviations of each of its numbers, and
     at least `PRIOR_MARGIN_M`, for fits err too."""
 
+    def __post_init__(self) -> None:
+        shapes = [np.shape(v) for v in (self.x_m, self.y_m, self.radius_m, self.height_m)]
+        if len(set(shapes)) > 1 or len(shapes[0]) != 1:
+            raise ValueError(f"{type(self).__name__}: x_m, y_m, radius_m, height_m are of shapes "
+                             f"{', '.join(map(str, shapes))}; should be (world,) each")
+
+    @property
+    def worlds(self) -> int:
+        """Number of worlds."""
+        return len(self.x_m)
+
     def larger(self, by_m: np.ndarray | float, least_m: float) -> "BoundingCylinder":
         """With radius, or half sides, and height larger `by_m` (world,); where that is negative the
         height stays, and the others keep `least_m`."""

@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "containment": ["closing_names", "explore_by_containment", "padded_commands"],
+    "containment": ["check_closings", "closing_names", "explore_by_containment", "padded_commands"],
     "contour_follower": ["explore_contour"],
     "contour_record": ["Axis", "ContourExploration", "ContourOptions"],
     "contour_sections": ["SectionProfile", "profile_by_sections"],

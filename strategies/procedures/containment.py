@@ -21,6 +21,16 @@ def closing_names(hand: HandTable) -> tuple[str, ...]:
     return tuple(CLOSING_PATHS) if chain is None else chain_path_names(chain)
 
 
+def check_closings(closings: tuple[str, ...], hand: HandTable) -> None:
+    """Raises ValueError where no list of names is given, KeyError for paths a hand has not."""
+    if isinstance(closings, str) or not closings:
+        raise ValueError(f"closings: are {closings!r}; should be names such as (\"curl40\",)")
+    known = closing_names(hand)
+    for name in closings:
+        if name not in known:
+            raise KeyError(f"closing path {name!r}; should be one of {', '.join(known)}")
+
+
 def padded_commands(
     closings: tuple[str, ...], hand: HandTable | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -31,8 +41,7 @@ def padded_commands(
     command, and the number of steps of each path, shape (grasp,). Raises KeyError for an unknown
     name, and names those there are; ValueError where no list of names is given.
     """
-    if isinstance(closings, str) or not closings:
-        raise ValueError(f"closings: are {closings!r}; should be names such as (\"curl40\",)")
+    check_closings(closings, hand or HandTable())
     chain = None if hand is None else chain_of_table(hand)
     paths = [_utah_mit_commands(name, hand or HandTable()) if chain is None
              else chain_commands(chain, name) for name in closings]
@@ -43,8 +52,6 @@ def padded_commands(
 
 
 def _utah_mit_commands(name: str, hand: HandTable) -> np.ndarray:
-    if name not in CLOSING_PATHS:
-        raise KeyError(f"closing path {name!r}; should be one of {', '.join(CLOSING_PATHS)}")
     return commands_within(closing_commands(CLOSING_PATHS[name]), hand)
 
 
@@ -58,7 +65,7 @@ def explore_by_containment(
     `wanted` (world, probe) says which poses to visit. `room` (world,) limits the finger closings
     of each world: the poses that would exceed it are not tried. `closes` (world, probe, finger)
     bool says which fingers close, all unless given. Raises KeyError for an unknown closing path,
-    ValueError for none.
+    ValueError for none and for arrays of other shapes, TypeError for arrays of other kinds.
     """
     commands, count = padded_commands(closings, robot.hand)
     return robot.grasp(hand_pose, wanted, commands, count, room, closes)

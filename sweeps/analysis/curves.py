@@ -40,6 +40,7 @@ from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
 from sweeps.spec.errors import choose
 from sweeps.text_table import TextTable, number_text
+from warpgrasp.core.plain_text import first_few
 
 ERROR = "chamfer_mm"
 AXES = {"touches": ("curve_touches", "touches"), "time_s": ("curve_time_s", "robot_time_s")}
@@ -321,7 +322,7 @@ def curves_table(curves: Curves) -> TextTable:
 def once_notes(curves: Curves) -> list[str]:
     """Which entries have no curve, and what gives them one."""
     names = [label for n, label in enumerate(curves.labels) if curves.fits_once(n)]
-    return [f"{', '.join(names)}: fitted once, at the end, so that there is no curve; sequences of "
+    return [f"{first_few(names)}: fitted once, at the end, so that there is no curve; sequences of "
             "grasps have one with refit_every = 1 of their [[strategy]]"] if names else []
 
 

@@ -41,6 +41,7 @@ from sweeps.analysis.entries import (
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import (
     MANY_OBJECTS,
+    NO_OBJECTS,
     ObjectRows,
     by_episode,
     few_episodes_note,
@@ -378,7 +379,9 @@ def _notes(plan: Plan, missing: int, count: int) -> Iterator[str]:
     if missing:
         yield (f"{missing} of {plan.unit_count} units are missing; blocks of episodes that not "
                "every entry has are left out")
-    if count < MANY_OBJECTS:
+    if count == 0:
+        yield NO_OBJECTS
+    elif count < MANY_OBJECTS:
         of = "one object" if count == 1 else f"{count} objects"
         yield (f"the ranking is of {of}: how entries would do on others is hardly known below "
                f"{MANY_OBJECTS}")

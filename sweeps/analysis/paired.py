@@ -25,6 +25,7 @@ from sweeps.run.unit_file import Columns
 
 FEW_EPISODES = 48  # of all objects, below which skewed scores make their interval too short
 MANY_OBJECTS = 6  # below, the spread between objects is hardly known
+NO_OBJECTS = "no object has a value of every entry: nothing can be compared"
 
 
 @dataclass
@@ -236,6 +237,8 @@ def reading_notes(plan: Plan, missing: int, objects: int) -> Iterator[str]:
     if missing:
         yield (f"{missing} of {plan.unit_count} units are missing; blocks of episodes that not "
                "every entry has are left out")
-    if objects < MANY_OBJECTS:
+    if objects == 0:
+        yield NO_OBJECTS
+    elif objects < MANY_OBJECTS:
         yield (f"{objects} object{'' if objects == 1 else 's'}: below {MANY_OBJECTS} nothing can "
                "be claimed about other objects, not even when one entry wins on all of them")

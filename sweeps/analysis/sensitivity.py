@@ -107,10 +107,20 @@ HEADER = ("constant", "value", "varied", "tau", "best", "best_chamfer_mm", "mean
 
 
 def check_study(plan: Plan, file: Path) -> None:
-    """Raises SpecError for a study that does not compare strategies, one constant at a time."""
+    """Raises SpecError for a study that does not compare strategies, one constant at a time, first
+    with the defaults of all."""
     problems = []
     if len(plan.study.strategies) < 2:
         problems.append(Problem(str(file), "strategy", "is one; a ranking needs two at least"))
+    if plan.study.setting_count < 2:
+        problems.append(Problem(str(file), "sweep", "is of one setting; should be one [sweep.zip] "
+                                "whose first row holds the defaults, and each other one change"))
+    given, si = plan.study.setting(0)
+    for key in si:
+        if not all(plan.study.holds(n, key, si[key]) for n in range(len(plan.study.strategies))):
+            problems.append(Problem(
+                str(file), "sweep", f"{key} is {value_text(given[key])} in the first setting; "
+                "should be the default there, or what the study's table says beside the sweep"))
     for number in range(plan.study.setting_count):
         keys = [key for key, _ in _changes(plan, number)]
         if len(keys) > 1:

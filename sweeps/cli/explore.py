@@ -1,12 +1,12 @@
-"""The commands that need no study: one episode, a fit of points, lists, the robot as a file."""
+"""The command `explore`: one episode, and the strategy that an argument names."""
 
 from math import hypot, radians
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Json, UsageError, app, device_of
+from sweeps.cli.app import UsageError, app, device_of
 
 if TYPE_CHECKING:
     from strategies.strategy import Strategy
@@ -52,8 +52,8 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
     device
         cpu, or cuda:0.
     """
-    if not abs(yaw_deg or 0.0) < 1e6:
-        raise UsageError(f"--yaw-deg: is {yaw_deg}; should be a finite number")
+    if not abs(yaw_deg or 0.0) <= 360:
+        raise UsageError(f"--yaw-deg: is {yaw_deg:g}; should be a number from -360 to 360")
     _check_place("--x-m", x_m)
     _check_place("--y-m", y_m)
     _check_apart(x_m, y_m)
@@ -87,7 +87,7 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         init_warp()
         from strategies.ready_made import DEFAULT
 
-        chosen = _strategy_of_argument(strategy or DEFAULT)
+        chosen = strategy_of_argument(strategy or DEFAULT)
         table = object_of_argument(object_, units, stable_pose)
         if units is not None and "mesh" not in table:
             raise StoreError(f"--units: is of a mesh file; {object_} is none")
@@ -105,7 +105,7 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
 
 
-def _strategy_of_argument(name: str) -> "Strategy":
+def strategy_of_argument(name: str) -> "Strategy":
     """A ready-made strategy by its name, or a planner of the user's, as `mine.py:next_best`."""
     from strategies.ready_made import STRATEGIES, TOUCHES
     from sweeps.spec.errors import StoreError, choose
@@ -159,165 +159,3 @@ def _check_apart(x_m: float, y_m: float) -> None:
     if hypot(x_m, y_m) < ARM_COLUMN_M:
         raise UsageError(f"--x-m: {x_m:g} with --y-m {y_m:g} is where the arm itself stands; "
                          f"should be {ARM_COLUMN_M:g} or more from there")
-
-
-@app.command
-def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
-        out: Annotated[Path, Parameter(name=["--out", "-o"])],
-        taper: Annotated[bool, Parameter(negative="")] = False,
-        bend: Annotated[bool, Parameter(negative="")] = False,
-        robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
-        normal_deg: float | None = None,
-        units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None) -> int:
-    """Fit shapes to sets of touched points of your own.
-
-    Parameters
-    ----------
-    shape
-        superquadric, plane or revolution.
-    points
-        A CSV with columns x_m, y_m, z_m (or x_cm, x_mm and so on); set where there are several;
-        nx, ny, nz, pointing out of the body, where felt.
-    out
-        The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
-    taper
-        Superquadric: let it taper along z, 13 parameters instead of 11.
-    bend
-        Superquadric: let it bend, two parameters more.
-    robust
-        Superquadric: bear touches that are wrong (the other shapes always do).
-    table_z
-        Height of the table the body stands on, in metres.
-    normal_deg
-        Superquadric: by how many degrees nx, ny, nz err (one standard deviation); 2.9 if not given.
-    units
-        Of the points, whose columns may then be x, y, z; by default by the columns' names: x_m,
-        x_cm or x_mm.
-    figure
-        Also draw the sets, as .png, .svg or .pdf.
-    """
-    from sweeps.cli import fit as fit_command
-
-    return fit_command.fit(shape, points, out, taper=taper, bend=bend, robust=robust,
-                           table_z_m=table_z, normal_deg=normal_deg, figure=figure,
-                           units=units)
-
-
-@app.command
-def learn(*what: Annotated[str, Parameter(name="OBJECT")],
-          out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
-          strategy: Annotated[list[str] | None, Parameter(negative="")] = None,
-          episodes: int = 16, seed: int = 9001, unlisted: int = 0, extend: Path | None = None,
-          only: Annotated[bool, Parameter(negative="")] = False, device: str = "cpu") -> int:
-    """Learn models of objects by touch, for recognition: `[recognition] models` in a spec.
-
-    Parameters
-    ----------
-    what
-        Names (`warpgrasp objects`), `catalogue` for all of them, or mesh files, then with units.
-    out
-        The file of models to write.
-    units
-        Of meshes: m, cm or mm.
-    strategy
-        Strategies that feel them, each given once more: `--strategy ring18 --strategy planar`; by
-        default seven, of grasps, faces and contours.
-    episodes
-        Of each object under each strategy.
-    seed
-        Names every random number; a study should have another one.
-    unlisted
-        Learn everything anew, with so many random objects for "none of these", two episodes each.
-    extend
-        Add the objects to the models of this file; by default to those that ship.
-    only
-        Leave out the other objects of that file.
-    device
-        cpu, or cuda:0.
-    """
-    if not what:
-        raise UsageError("OBJECT: is missing; name at least one")
-    if not 0 <= seed < 2**63:
-        raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
-    for name, value, low, high in (("--episodes", episodes, 4, 4096),
-                                   ("--unlisted", unlisted, 0, 4096)):
-        if not low <= value <= high:
-            raise UsageError(f"{name}: is {value}; should be a whole number from {low} to {high}")
-    if unlisted and (extend is not None or only):
-        raise UsageError("--unlisted: learns everything anew; leave out --extend and --only")
-    from sweeps.cli import learn as learn_command
-    from sweeps.episode.teaching import TEACHERS
-
-    chosen = [_strategy_of_argument(name) for name in strategy or TEACHERS]
-    if unlisted and not any(one.call or {"contour", "decide"} & set(one.order) for one in chosen):
-        raise UsageError("--unlisted: learns everything anew, also what contours tell; name a "
-                         "strategy that follows them, too, as in --strategy contour")
-    return learn_command.learn(what, out, units=units, strategies=chosen, episodes=episodes,
-                               seed=seed, unlisted=unlisted, extend=extend, only=only,
-                               device=device_of(device))
-
-
-@app.command
-def objects(*, json: Json = False) -> int:
-    """List the objects of the catalogue.
-
-    Parameters
-    ----------
-    json
-        Print JSON.
-    """
-    from sweeps.text_table import print_table
-    from warpgrasp.objects.catalogue_names import BODY_NAMES, FAMILY_NAMES, MOST_SEED
-
-    families = [(f"{name}-SEED", f"{what}; SEED from 0 to {MOST_SEED}, see docs/objects.md [est]")
-                for name, what in FAMILY_NAMES.items()]
-    print_table(("object", "what"), [*BODY_NAMES.items(), *families], json)
-    return 0
-
-
-@app.command
-def strategies(*, json: Json = False) -> int:
-    """List the ready-made strategies.
-
-    Parameters
-    ----------
-    json
-        Print JSON.
-    """
-    from strategies.ready_made import STRATEGIES
-    from sweeps.text_table import print_table
-
-    print_table(("strategy", "what"), [(s.name, s.doc) for s in STRATEGIES.values()], json)
-    return 0
-
-
-@app.command(name="export")
-def export_(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
-            on: str | None = None,
-            object_: Annotated[str | None, Parameter(name="--object")] = None,
-            units: str | None = None, hand: str = "utah_mit") -> int:
-    """Write a hand as MJCF or URDF, from the numbers the simulator uses.
-
-    Parameters
-    ----------
-    file
-        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
-    arm
-        The whole robot: the arm with the hand; the PUMA 560 unless `--on` names another.
-    on
-        The arm that carries the hand: a name (`warpgrasp arms`) or a TOML file.
-    object_
-        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
-    units
-        Of a mesh: m, cm or mm.
-    hand
-        A name (`warpgrasp hands`) or a TOML file that `warpgrasp hand` wrote.
-    """
-    from sweeps.cli.export import export
-    from warpgrasp.parameters import FLOATING, PUMA560
-
-    if on == FLOATING:
-        raise UsageError("--on: a floating wrist has no links; should be an arm")
-    if units is not None and object_ is None:
-        raise UsageError("--units: says how large a mesh is; should stand beside --object")
-    return export(file, arm=on or (PUMA560 if arm else None), what=object_, units=units, hand=hand)

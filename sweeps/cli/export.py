@@ -1,87 +1,41 @@
-"""The command `export`: the robot, and an object before it, as a file for another simulator."""
+"""The command `export`: the robot as a file for other simulators."""
 
 from pathlib import Path
+from typing import Annotated
 
-from sweeps.output import init_warp, quiet_stdout, write_atomic
-from sweeps.spec.errors import StoreError
-from sweeps.spec.objects import object_of_argument
-from warpgrasp.geometry.body import BodyError
-from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, PadTable
+from cyclopts import Parameter
 
-DEFAULT_HAND = "utah_mit"
-HAND_ABOVE_M = 0.15
-"""Hand alone with an object: the hand frame this far above the object, pointing down."""
+from sweeps.cli.app import UsageError, app
 
 
-def export(
-    file: Path, *, arm: str | None, what: str | None, units: str | None, hand: str = "utah_mit"
-) -> int:
-    """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written."""
-    kind = file.suffix.lower()
-    if kind not in (".xml", ".urdf"):
-        raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
-    with quiet_stdout():
-        init_warp()
-        files = _files(file, kind, arm, what, units, hand)
-    for path, text in files.items():
-        try:
-            write_atomic(path, text.encode())
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
-        print(path)
-    return 0
+@app.command
+def export(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = False,
+            on: str | None = None,
+            object_: Annotated[str | None, Parameter(name="--object")] = None,
+            units: str | None = None, hand: str = "utah_mit") -> int:
+    """Write a hand as MJCF or URDF, from the numbers the simulator uses.
 
+    Parameters
+    ----------
+    file
+        Ends in .xml for MJCF (MuJoCo), in .urdf for URDF.
+    arm
+        The whole robot: the arm with the hand; the PUMA 560 unless `--on` names another.
+    on
+        The arm that carries the hand: a name (`warpgrasp arms`) or a TOML file.
+    object_
+        Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
+    units
+        Of a mesh: m, cm or mm.
+    hand
+        A name (`warpgrasp hands`) or a TOML file that `warpgrasp hand` wrote.
+    """
+    from sweeps.cli.tools.export_robot import export_robot
+    from warpgrasp.parameters import FLOATING, PUMA560
 
-def _files(
-    file: Path, kind: str, arm: str | None, what: str | None, units: str | None, hand_word: str
-) -> dict[Path, str]:
-    from warpgrasp.export.convex_solids import object_solids
-    from warpgrasp.export.mjcf import mjcf_text
-    from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
-    from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
-    from warpgrasp.export.urdf import urdf_text
-    from warpgrasp.hands.hand_file import hand_from_file, hand_named
-    from warpgrasp.objects.catalogue import body_from_name, body_from_table
-    from warpgrasp.objects.mesh_import import mesh_triangles
-
-    hand, pads, stands = HandTable(), PadTable(), ObjectTable()
-    model = None  # the default hand is the tables', pads included
-    if hand_word != DEFAULT_HAND:
-        model = (hand_from_file(Path(hand_word)) if hand_word.endswith(".toml")
-                 else hand_named(hand_word))
-    solids, top = [], 0.0
-    if what is not None:
-        table = object_of_argument(what, units)
-        if units is not None and "mesh" not in table:
-            raise StoreError(f"--units: is of a mesh file; {what} is none")
-        triangles = None
-        if "mesh" in table:
-            body = body_from_table(table, Path())
-            triangles = mesh_triangles(Path(table["mesh"]), units=table["units"])
-        elif set(table) == {"name"}:
-            body = body_from_name(str(table["name"]))
-        else:  # a member of a family
-            body = body_from_table(table, Path())
-        solids, top = object_solids(body, triangles), body.high_m[2]
-    if arm:
-        carries = ArmTable(kind=arm)
-        links = (arm_hand_tree(carries, hand, pads) if model is None
-                 else arm_model_tree(carries, model, hand.mount_length_m))
-        place = (stands.x_m, stands.y_m, *STILL[2:])
-    else:
-        above = (0.0, 0.0, top + HAND_ABOVE_M, 1.0, 0.0, 0.0, 0.0)
-        at = above if solids else STILL
-        links = (hand_tree(hand, pads, place=at) if model is None
-                 else hand_model_tree(model, place=at))
-        place = STILL
-    hand_name = "utah_mit_hand" if model is None else model.name
-    name = f"{Path(arm).stem}_{hand_name}" if arm else hand_name
-    if kind == ".xml":
-        return {file: mjcf_text(links, solids, name=name, object_place=place,
-                                table=bool(arm or solids))}
-    try:
-        text, meshes = urdf_text(links, solids, name=name, object_place=place,
-                                 mesh_stem=f"{file.stem}_object")
-    except ValueError as error:
-        raise BodyError(f"{what}: {error}") from None
-    return {file: text, **{file.parent / mesh: obj for mesh, obj in meshes.items()}}
+    if on == FLOATING:
+        raise UsageError("--on: a floating wrist has no links; should be an arm")
+    if units is not None and object_ is None:
+        raise UsageError("--units: says how large a mesh is; should stand beside --object")
+    return export_robot(file, arm=on or (PUMA560 if arm else None), what=object_, units=units,
+                        hand=hand)

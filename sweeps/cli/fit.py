@@ -1,253 +1,49 @@
-"""`warpgrasp fit`: a CSV of sets of touches in, a CSV of recovered shapes out, a row a set."""
+"""The command `fit`: shapes from points of one's own."""
 
-import os
-import sys
-from collections import Counter
-from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
-from functools import partial
-from math import isfinite, radians
-from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
-import numpy as np
+from cyclopts import Parameter
 
-from fit.arrays import joined, rows_of
-from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus, status_names
-from fit.point_sets import PointSets
-from fit.points_csv import (
-    plane_rows,
-    profile_rows,
-    read_points,
-    revolution_rows,
-    rows_csv,
-    superquadric_rows,
-)
-from fit.superquadric.record import SuperquadricFit
-from sweeps.output import say, why_unwritable, write_atomic
-from sweeps.spec.errors import StoreError
-
-SETS_A_PROCESS = 1024
-"""Sets that a process fits at a time; fewer than twice as many are fitted in this one."""
-FIGURE_FORMATS = (".png", ".svg", ".pdf")
-BELOW_SHARE, BELOW_M = 0.1, 0.005
-"""More touches than this share lie farther than this below a table that is given too high."""
-LEAST_NORMALS, INWARD_M = 8, 0.001
-"""So many normals, half of which point inwards by more than what touches of a flat face may."""
-MOST_NORMAL_DEG = 90.0
-"""Normals that err by more tell nothing."""
-LARGE_RMS_M = 0.002
-"""Touches of a fingertip are nearer to the body that they were made on [est]."""
-MOST_NAMED = 10
-"""Sets named in one message."""
+from sweeps.cli.app import app
 
 
-def fit(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
-        table_z_m: float | None, figure: Path | None, normal_deg: float | None = None,
-        units: str | None = None) -> int:
-    """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
+@app.command
+def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
+        out: Annotated[Path, Parameter(name=["--out", "-o"])],
+        taper: Annotated[bool, Parameter(negative="")] = False,
+        bend: Annotated[bool, Parameter(negative="")] = False,
+        robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
+        normal_deg: float | None = None,
+        units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None) -> int:
+    """Fit shapes to sets of touched points of your own.
 
-    Prints the files written; stderr says what became of the sets. Raises PointsError with all that
-    is wrong in the file, StoreError for options that contradict and files that cannot be used.
+    Parameters
+    ----------
+    shape
+        superquadric, plane or revolution.
+    points
+        A CSV with columns x_m, y_m, z_m (or x_cm, x_mm and so on); set where there are several;
+        nx, ny, nz, pointing out of the body, where felt.
+    out
+        The CSV to write, a row a set; contours of revolutions go to OUT.profile.csv.
+    taper
+        Superquadric: let it taper along z, 13 parameters instead of 11.
+    bend
+        Superquadric: let it bend, two parameters more.
+    robust
+        Superquadric: bear touches that are wrong (the other shapes always do).
+    table_z
+        Height of the table the body stands on, in metres.
+    normal_deg
+        Superquadric: by how many degrees nx, ny, nz err (one standard deviation); 2.9 if not given.
+    units
+        Of the points, whose columns may then be x, y, z; by default by the columns' names: x_m,
+        x_cm or x_mm.
+    figure
+        Also draw the sets, as .png, .svg or .pdf.
     """
-    _check(shape, points, out, taper, bend, robust, table_z_m, normal_deg, figure)
-    try:
-        sets = read_points(points, units=units)
-    except OSError as error:
-        raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
-    if any(sets.left_out):
-        say(_left_out(sets))
-    if table_z_m is not None:
-        _check_table(sets, table_z_m)
-    if normal_deg is not None and sets.normals is None:
-        raise StoreError(f"--normal-deg: {points} has no columns nx, ny, nz")
-    if shape == "superquadric" and sets.normals is not None:
-        for name in inward(sets):
-            say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
-                "should point out of the body")
-    found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
-                             table_z_m=table_z_m, normal_deg=normal_deg)
-    files = {out: rows_csv(*_rows(shape, sets.names, found))}
-    if shape == "revolution":
-        files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
-    if figure is not None:
-        from sweeps.figures.fits import draw_fits
+    from sweeps.cli.tools.fit_points import fit_points
 
-        files[figure] = draw_fits(sets, found, figure.suffix[1:])
-    for path, content in files.items():
-        try:
-            write_atomic(path, content)
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
-        print(path)
-    became, count = Counter(status_names(found.status)), len(sets.names)
-    print(f"{count} set{'' if count == 1 else 's'}: "
-          + ", ".join(f"{n} {name}" for name, n in became.items()), file=sys.stderr)
-    if shape == "superquadric" and (advice := _advice(sets.names, found, robust)):
-        say(advice)
-    return 0
-
-
-def _left_out(sets: PointSets) -> str:
-    """Which sets have touches with a missing coordinate, and how many."""
-    return "touches with a missing coordinate are left out: " + _named(
-        [f"{count} of set {name}" for name, count in zip(sets.names, sets.left_out, strict=True)
-         if count])
-
-
-def _advice(names: tuple[str, ...], found: SuperquadricFit, robust: bool) -> str:
-    """What may help where superquadrics did not converge or lie far off; empty if all are well."""
-    poor = [f"{name} ({1e3 * rms:.2g} mm)" for name, rms, status in
-            zip(names, found.rms_m, found.status, strict=True)
-            if status == FitStatus.not_converged or (
-                status == FitStatus.converged and rms > LARGE_RMS_M)]
-    if not poor:
-        return ""
-    wrong = "" if robust else "if touches may be wrong, try --robust; "
-    return (f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms): {_named(poor)}; "
-            f"{wrong}if the body is no superquadric, a free form (fit.implicit, "
-            "docs/free_forms.md) follows it")
-
-
-def _named(found: list[str]) -> str:
-    """The first of a list, and how many more there are."""
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return ", ".join(found[:MOST_NAMED]) + more
-
-
-def _check_table(sets: PointSets, table_z_m: float) -> None:
-    """Says of which sets the table cannot be true. Raises StoreError where it is of none."""
-    finite, of_touch = np.isfinite(sets.touches_m).all(1), sets.of_touch
-    good = np.bincount(of_touch[finite], minlength=len(sets.names))
-    used = good > 0
-    names = [name for name, there in zip(sets.names, used.tolist(), strict=True) if there]
-    low, high = (bound[used] for bound in sets.bounds_m())
-    deep = finite & (sets.touches_m[:, 2] < table_z_m - BELOW_M)
-    below = np.bincount(of_touch[deep], minlength=len(sets.names))
-    under = (below > BELOW_SHARE * good)[used]
-    extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
-    far = low[:, 2] - table_z_m > FAR * extent
-    wrong = [f"--table-z: is {table_z_m:g}; the touches of {name} lie "
-             f"{'below it' if below else 'far above it'}, from {z0:g} to {z1:g} m"
-             for name, below, away, z0, z1 in zip(names, under, far, low[:, 2], high[:, 2],
-                                                  strict=True) if below or away]
-    if wrong and len(wrong) == len(names):
-        raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
-    for line in wrong:
-        say(line)
-
-
-def inward(sets: PointSets) -> list[str]:
-    """Names of sets whose normals seem to point into the body.
-
-    Half of them do by more than `INWARD_M`, as seen from the mean of the touches [m]; outward
-    ones of a convex body never do, for that mean lies within it.
-    """
-    out = []
-    if sets.normals is None:
-        return out
-    for index, name in enumerate(sets.names):
-        points, of_set = sets.touches_m[sets.slots(index)], sets.normals[sets.slots(index)]
-        touched = np.isfinite(points).all(1)
-        felt = touched & np.isfinite(of_set).all(1) & of_set.any(1)
-        if felt.sum() < LEAST_NORMALS:
-            continue
-        unit = of_set[felt] / np.abs(of_set[felt]).max(axis=1, keepdims=True)
-        unit /= np.linalg.norm(unit, axis=1, keepdims=True)
-        outward_m = ((points[felt] - points[touched].mean(axis=0)) * unit).sum(1)
-        if np.median(outward_m) < -INWARD_M:
-            out.append(name)
-    return out
-
-
-def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> Any:
-    """The fits of all sets, in order, by as many processes as there are cores where sets suffice.
-
-    A fit depends only on its own points, so that the rows are the same however they are shared out.
-    """
-    count, cores = len(sets.names), os.cpu_count() or 1
-    alone = shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS
-    groups = _groups(sets, count if alone else SETS_A_PROCESS)
-    parts, one = map(sets.padded, groups), partial(fit_padded, shape, **options)
-    if alone:
-        found = list(map(one, parts))
-    else:
-        with ProcessPoolExecutor(min(cores, len(groups)), get_context("spawn")) as pool:
-            found = list(pool.map(one, parts))
-    return rows_of(joined(found), np.argsort(np.concatenate(groups)))
-
-
-def _groups(sets: PointSets, most: int) -> list[np.ndarray]:
-    """Numbers of the sets to fit together, so many at most: those padded to one number of touches,
-    so that a large set does not pad the small ones."""
-    from fit.optimize.batch import point_bucket
-
-    width = np.array([point_bucket(int(count)) for count in sets.count])
-    same = [np.flatnonzero(width == of) for of in np.unique(width)]
-    return [group[first:first + most] for group in same for first in range(0, len(group), most)]
-
-
-def fit_padded(shape: str, sets: tuple, *, taper: bool = False, bend: bool = False,
-              robust: bool = False, table_z_m: float | None = None,
-              normal_deg: float | None = None) -> Any:
-    """The fits of one shape to padded sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`.
-
-    Planes come without the weights of touches, which no file holds.
-    """
-    points, mask, normals = sets
-    if shape == "plane":
-        from fit.plane import fit_plane
-
-        found = fit_plane(points, mask)
-        return replace(found, weight=found.weight[:, :0])
-    if shape == "revolution":
-        from fit.revolution.fit import fit_revolution
-
-        return fit_revolution(points, mask, table_z=table_z_m)
-    from fit.superquadric.fit import fit_superquadric
-    from fit.superquadric.record import SuperquadricOptions
-
-    options = SuperquadricOptions(taper=taper, bend=bend, loss="cauchy" if robust else "none")
-    if normal_deg is not None:
-        options = replace(options, normal_std_rad=radians(normal_deg))
-    return fit_superquadric(points, mask, normals=normals, table_z=table_z_m, options=options)
-
-
-def profile_path(out: Path) -> Path:
-    """The file of the contours beside `out`: fits.csv has fits.profile.csv."""
-    return out.with_name(f"{out.stem}.profile{out.suffix or '.csv'}")
-
-
-def _rows(shape: str, names: tuple[str, ...], found: Any) -> tuple[list[str], list[list]]:
-    return {"superquadric": superquadric_rows, "plane": plane_rows,
-            "revolution": revolution_rows}[shape](names, found)
-
-
-def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust: bool,
-           table_z_m: float | None, normal_deg: float | None, figure: Path | None) -> None:
-    """Raises StoreError with everything wrong about the options."""
-    problems = [f"{name}: is for superquadric, not for {shape}" for name, given in
-                (("--taper", taper), ("--bend", bend), ("--robust", robust))
-                if given and shape != "superquadric"]
-    if table_z_m is not None:
-        if shape == "plane":
-            problems.append("--table-z: is for superquadric and revolution, not for plane")
-        elif not isfinite(table_z_m):
-            problems.append(f"--table-z: is {table_z_m}; should be a finite number of metres")
-    if normal_deg is not None:
-        if shape != "superquadric":
-            problems.append(f"--normal-deg: is for superquadric, not for {shape}")
-        elif not 0.0 <= normal_deg <= MOST_NORMAL_DEG:
-            problems.append(f"--normal-deg: is {normal_deg:g}; should be a number of degrees from "
-                            f"0 to {MOST_NORMAL_DEG:g}")
-    if figure is not None and figure.suffix.lower() not in FIGURE_FORMATS:
-        problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
-    named = [path.resolve() for path in (points, out, figure) if path is not None]
-    if shape == "revolution":
-        named.append(profile_path(out).resolve())
-    if len(set(named)) < len(named):
-        problems.append(f"--out: {out}: a file is named twice; it would be written over")
-    problems += [wrong for path in (out, figure) if path and (wrong := why_unwritable(path))]
-    if problems:
-        raise StoreError("\n".join(problems))
+    return fit_points(shape, points, out, taper=taper, bend=bend, robust=robust, table_z_m=table_z,
+                      normal_deg=normal_deg, figure=figure, units=units)

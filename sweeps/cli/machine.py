@@ -16,7 +16,7 @@ def doctor(*, test: bool = True, json: Json = False) -> int:
     json
         Print JSON.
     """
-    from sweeps.cli.doctor import doctor as examine
+    from sweeps.cli.tools.doctor import doctor as examine
 
     return examine(as_json=json, test=test)
 

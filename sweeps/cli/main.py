@@ -7,11 +7,23 @@ import sys
 
 from cyclopts import CycloptsError, UnusedCliTokensError
 
-from sweeps.cli import arms, explore, hands, look, machine, measure, study
+from sweeps.cli import (
+    arms,
+    explore,
+    export,
+    fit,
+    hands,
+    learn,
+    lists,
+    look,
+    machine,
+    measure,
+    study,
+)
 from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, UsageError, app
 
 # Imported for the commands that they add to the app.
-GROUPS = (study, look, explore, hands, arms, measure, machine)
+GROUPS = (study, look, explore, fit, learn, lists, export, hands, arms, measure, machine)
 DISK = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """Errors after which the same command may succeed: nothing is wrong with what was asked."""
 GARBAGE_AFTER = (500_000, 20, 20)

@@ -12,11 +12,11 @@ from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import effects
 from sweeps.figures.style import (
     COLUMN_IN,
-    UNITS,
     cut_apart,
     cut_to,
     drawing,
     figure,
+    metric_label,
     slant,
     text_width_in,
 )
@@ -174,8 +174,9 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
             axes.set_yticks(range(len(row)), cut_apart([effect.strategy for effect in row], 22))
             axes.set_xlabel(factor)
         assert cells is not None
+        name, _, way = metric_label(metric).rpartition(", ")
         bar: Any = drawn.colorbar(cells, ax=list(panels), fraction=0.04,
-                             label=f"{UNITS.get(metric, metric)},\noff the strategy's mean")
+                                  label=f"{name},\noff the strategy's mean;\n{way}")
         bar.solids.set_edgecolor("face")
     return drawn
 

@@ -34,7 +34,7 @@ from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
-from warpgrasp.core.plain_text import counted
+from warpgrasp.core.plain_text import counted, first_few
 
 METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
@@ -42,8 +42,6 @@ MANY_FAIL = 0.2
 POPULATIONS = {"these": "these objects", "like-these": "objects like these"}
 NOTES = 6
 """Notes that stand open on the page."""
-NAMED = 5
-"""Entries that a warning names; the others are counted."""
 
 
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
@@ -128,9 +126,7 @@ def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:
     at, name = board.header.index("failure_rate"), board.header.index("strategy")
     failing = [row[name] for row in board.rows if row[at] != "NA" and float(row[at]) > MANY_FAIL]
     if failing:
-        more = f" and {len(failing) - NAMED} more" if len(failing) > NAMED else ""
-        notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: "
-                     f"{', '.join(failing[:NAMED])}{more}")
+        notes.append(f"more than {MANY_FAIL:.0%} of the episodes failed: {first_few(failing)}")
     notes += _unsaid(board.notes, set(notes))
     first, folded = ("".join(f"<li>{escape(note)}</li>" for note in part)
                      for part in (notes[:NOTES], notes[NOTES:]))

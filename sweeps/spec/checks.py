@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sweeps.spec.cell import SECTIONS
+from sweeps.spec.cell import APART, SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
 from sweeps.spec.study import ARM_KEY, SEEN, Axis, Study
 from sweeps.spec.units import spec_fields
@@ -38,13 +38,17 @@ LIMIT_KEYS = ("hand.abduction_limit_deg", "arm.d_mm", "arm.a_mm", "arm.limit_low
 
 def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],
                 problems: Problems) -> None:
-    """Checks pairs that are not swept, whichever of the two was given."""
+    """Checks pairs that are not swept, and those that one robot has without the sweep; whichever of
+    the two was given."""
     swept = {key for axis in axes for key in axis.keys}
+    apart = "robot.swept" in swept or tables["robot"].swept != "both"
     for section, low, high in _PAIRS:
         lows, highs = (_set(tables, section, name) for name in (low, high))
-        if not {f"{section}.{low}", f"{section}.{high}"} & swept and (lows >= highs).any():
+        here = {f"{section}.{low}", f"{section}.{high}"} & swept
+        if (not here or (apart and section in APART)) and (lows >= highs).any():
             at = low if low in given.get(section, {}) else high
-            problems.add((section, at), f"{low} should be below {high}")
+            whose = "of the robot that is not swept: " if here else ""
+            problems.add((section, at), f"{whose}{low} should be below {high}")
 
 
 def check_swept_order(tables: Mapping[str, Any],
@@ -157,23 +161,61 @@ def check_used(study: Study, problems: Problems) -> None:
                    "decide"),
         "contour": (turned, "contours are followed where an order has contour or decide"),
         "decide": ("decide" in orders, "it is for an order with decide"),
-        "pads": (PROCEDURES & orders or any(s.call for s in study.strategies), "pads feel where an "
-                 "order has planar, contour or decide, or a planner moves them"),
+        "pads": (_may_feel(study), _FEELS),
         "stereo": (views or (turned and "stereo" in study.values_of("contour.axis")),
                    "cameras look where object.prior is silhouettes or depth, or contour.axis is "
                    "stereo and an order has contour or decide"),
         "errors": (study.values_of("errors.scale") != {0.0}, "errors.scale is 0, and is a factor "
                    "of all other errors")}
+    idle = {section for section, (reason, _) in used.items() if not reason}
     for section, (reason, where) in used.items():
         if not reason:
             note_idle(study, section, {
                 field.name: f"changes nothing in this study: {where}"
                 for key, field in spec_fields(SECTIONS[section]).items()
                 if f"{section}.{key}" not in _DECIDING}, (), problems)
+    for keys, reads, where in _READ_WHERE:
+        for key in () if reads(study) else [k for k in keys if k.partition(".")[0] not in idle]:
+            for path in places_of_swept(study, key, problems):
+                problems.add(path, f"changes nothing in this study: {where}")
     if not problems.found:
         for key in [key for n in frozenset.intersection(*study.idle) for key in study.axes[n].keys]:
             for path in places_of_swept(study, key, problems):
                 problems.add(path, "changes nothing in this study: no strategy reads it")
+
+
+def _may_feel(study: Study) -> bool:
+    """Whether a strategy feels with pads, or is a planner, which may."""
+    return feels_with_pads(study) or any(strategy.call for strategy in study.strategies)
+
+
+_FEELS = "pads feel where an order has planar, contour or decide, or a planner moves them"
+Reads = Callable[[Study], bool]
+
+
+def _where(key: str, *values: Any) -> tuple[Reads, str]:
+    """Whether a key may have one of these values, and what to say where it does not."""
+    words = " or ".join("true" if value is True else value for value in values)
+    return lambda study: study.may_be(key, set(values)), f"it is read where {key} is {words}"
+
+
+_READ_WHERE: tuple[tuple[tuple[str, ...], Reads, str], ...] = (
+    (("errors.pad_mm", "errors.pad_gain_pct", "fit.normals", "fit.free_tips"), _may_feel, _FEELS),
+    (("pads.least_ohm", "pads.force_scale_N"), *_where("pads.law", "exponential")),
+    (("pads.newton_ohm", "pads.power"), *_where("pads.law", "inverse_power")),
+    (("hand.joint_stop_Nm_rad",), *_where("contact.joint_stops", True)),
+    (("hand.link_density_kg_m3",), *_where("contact.weight", True)),
+    (("fit.upright_deg",), *_where("fit.table_plane", True)),
+    (("decide.flat_below",), *_where("decide.ends", True)),
+    (("stereo.missing_depth",), *_where("object.prior", "depth")),
+    (("recognition.none_prior",), *_where("recognition.way", "as_felt", "faces", "profile",
+                                          "parameters")),
+    (("robot.swept",), lambda study: any(
+        key.split(".")[0] in APART for axis in study.axes for key in axis.keys) or any(
+        study.searches(f"{name}.{key}") for name in APART for key in spec_fields(SECTIONS[name])),
+     "no key of hand, sensors or errors is swept beside it"))
+"""Keys of tables that are read in some modes only, whether a study has such a one, and what to say
+where it has not."""
 
 
 def check_errors(study: Study, problems: Problems) -> None:
@@ -195,15 +237,25 @@ def check_pads(study: Study, problems: Problems) -> None:
 def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[str, Any]], str],
                 path: KeyPath, problems: Problems) -> None:
     """Notes the first point of the sweep at which tables do not fit together, as far as they depend
-    on `keys`: where one of them is given, or else at `path`."""
+    on `keys`: where one of them is given, or else at `path`. Where truth and belief differ, those
+    of the robot that is not swept are asked, too."""
+    given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
+    apart = {name: study.tables[name] for name in APART if is_apart(study)}
     for swept, tables in swept_points(study, keys):
         if wrong := misfit(tables):
-            given = [own for key in keys if (own := tuple(key.split("."))) in problems.lines]
             if swept:
                 searched = any(study.searches(key) for key, *_ in swept)
                 given = [("search",) if searched else problems.at_swept(swept[0][0])]
             problems.add([*given, path][0], told_of(swept) + wrong)
             return
+        if apart and (wrong := misfit(tables | apart)):
+            problems.add([*given, path][0], f"of the robot that is not swept: {wrong}")
+            return
+
+
+def is_apart(study: Study) -> bool:
+    """Whether a sweep varies the robot that is, or the one that is believed, alone."""
+    return study.may_be("robot.swept", {"truth", "belief"})
 
 
 def swept_points(study: Study, keys: Collection[str]

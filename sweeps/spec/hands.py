@@ -12,6 +12,7 @@ from strategies.poses.closing_paths import CLOSING_PATHS
 from sweeps.spec.checks import (
     changed,
     closes_fingers,
+    is_apart,
     note_idle,
     note_misfit,
     places_of_swept,
@@ -96,18 +97,15 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
             note_idle(study, "pads", dict.fromkeys(
                 _pads_said(hands), "says nothing of this hand: which of its links bear pads, and "
                 "how large they are, its TOML file says"), given.get("pads", {}), problems)
-    if len(hands) > 1 and _sides(study) != {"both"}:
+    if len(hands) > 1 and is_apart(study):
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
-    for path in places_of_swept(study, _MOUNT_KEY, problems) if _sides(study) != {"both"} else ():
+    for path in places_of_swept(study, _MOUNT_KEY, problems) if is_apart(study) else ():
         problems.add(path, "arm and hand share the mount, and a robot knows it; should be swept "
                      'with robot.swept = "both" alone')
     if UTAH_MIT in hands:
         for keys, misfit in ((_BUILT, _overlaps), (_WEIGHED, _hangs)):
             note_misfit(with_ends(study, keys), keys, misfit, ("hand",), problems)
-            if not problems.found and _sides(study) != {"both"} and (
-                    wrong := misfit(study.tables)):
-                problems.add(("hand",), f"of the robot that is not swept: {wrong}")
     if hands != {UTAH_MIT} and closes_fingers(study):
         note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
 
@@ -210,14 +208,6 @@ def _closing_names(kind: str) -> tuple[Collection[str], str]:
     chain = chain_of_table(HandTable(kind=kind))
     assert chain is not None
     return chain_path_names(chain), chain.model.name
-
-
-def _sides(study: Study) -> set[str]:
-    """Whose tables the study sweeps, at all of its settings."""
-    key = "robot.swept"
-    swept = {point[axis.keys.index(key)] for axis in with_ends(study, (key,)).axes
-             if key in axis.keys for point in axis.si}
-    return swept or {study.tables["robot"].swept}
 
 
 def hands_of(study: Study) -> set[str]:

@@ -68,9 +68,8 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
         strategy = replace(strategy, waypoints=_read_waypoints(
             table["waypoints"], (*path, "waypoints"), base_dir, problems))
     for key in ("closings", "order"):
-        if key in table:
-            strategy = replace(strategy, **{
-                key: read_names(key, table[key], (*path, key), problems)})
+        if key in table and (names := read_names(key, table[key], (*path, key), problems)):
+            strategy = replace(strategy, **{key: names})
     numbers = {key: table[key] for key in NUMBERS if key in table}
     budget = _read_budget(table.get("budget", {}), (*path, "budget"), problems)
     strategy = replace(strategy, **read_table(Strategy, numbers, path, problems), **budget)
@@ -150,7 +149,8 @@ def read_names(key: str, value: Any, path: KeyPath, problems: Problems) -> tuple
     for n, name in enumerate(value):
         if not isinstance(name, str) or (key == "order" and name not in valid):
             problems.add((*path, n), f"is {short(name)}; {choose(name, valid)}")
-    return tuple(name for name in value if isinstance(name, str))
+    return tuple(name for name in value
+                 if isinstance(name, str) and (key == "closings" or name in valid))
 
 
 def _read_waypoints(value: Any, path: KeyPath, base_dir: Path,

@@ -129,9 +129,9 @@ class Study:
     def _is_read(self, strategy: Strategy, section: str) -> bool:
         """Whether a strategy reads a table of `_WHERE_READ`."""
         if section == "stereo":
-            if self._may_be("object.prior", SEEN):
+            if self.may_be("object.prior", SEEN):
                 return True
-            if not self._may_be("contour.axis", {"stereo"}):
+            if not self.may_be("contour.axis", {"stereo"}):
                 return False
         if strategy.call:
             return section == "pads"
@@ -142,7 +142,7 @@ class Study:
         """Whether a race proposes the values of a key."""
         return self.search is not None and any(f.key == key for f in self.search.factors)
 
-    def _may_be(self, key: str, values: Set[Any]) -> bool:
+    def may_be(self, key: str, values: Set[Any]) -> bool:
         """Whether a key has one of these values anywhere in the study, or is searched."""
         return self.searches(key) or bool(values & self.values_of(key))
 

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import fake_episodes
+import pytest
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run.local_engine import Options, run
@@ -13,7 +14,9 @@ from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_files
 from sweeps.run.worker import run_units
+from sweeps.spec.errors import SpecError
 from sweeps.spec.reader import read_spec
+from sweeps.spec.study import Study
 
 SMALL = """\
 schema = 1
@@ -32,6 +35,17 @@ def write_spec(folder: Path, text: str = SMALL) -> Path:
     file = folder / "spec.toml"
     file.write_text(text)
     return file
+
+
+def read(folder: Path, text: str, *overrides: str) -> Study:
+    return read_spec(write_spec(folder, text), overrides)
+
+
+def refusals(folder: Path, text: str, *overrides: str) -> list[str]:
+    """All that is said of a spec that is refused, without the folder."""
+    with pytest.raises(SpecError) as caught:
+        read(folder, text, *overrides)
+    return [str(problem).removeprefix(f"{folder}/") for problem in caught.value.problems]
 
 
 def plan_of(folder: Path, text: str = SMALL) -> Plan:

@@ -1,10 +1,14 @@
 """What a robot is given is refused, with what would be right, before any kernel takes it."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from strategies.procedures.containment import explore_by_containment, padded_commands
+from warpgrasp.arms.arm_file import arm_named
 from warpgrasp.arms.arm_model import ArmError
+from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_model import HandError
 from warpgrasp.mechanism.arm import serial_model
 from warpgrasp.objects.catalogue import body_from_name
@@ -65,6 +69,12 @@ def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:
         serial_model(ArmTable(kind="ur5"))
 
 
+def test_a_file_of_a_hand_or_arm_ends_in_toml() -> None:
+    for named, kind in ((hand_named, HandError), (arm_named, ArmError)):
+        with pytest.raises(kind, match=r"'./my_own'; .* or a TOML file, whose name ends in \.toml"):
+            named("./my_own")
+
+
 def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:
     pose = np.tile([0.45, 0.0, 0.4, 0.0, 1.0, 0.0, 0.0], (2, 2, 1))
     pose[1, 1, 3:] *= 1.01
@@ -78,3 +88,33 @@ def test_poses_of_the_hand_that_are_wanted_have_unit_quaternions() -> None:
                          finger=1, commands_rad=np.zeros((4, 2, 4)))
     wanted[1, 1] = False
     own.grasp(pose, wanted, commands, np.array([2]))
+
+
+def test_poses_and_masks_of_other_shapes_and_kinds_are_refused() -> None:
+    pose, wanted = np.tile([0.45, 0.0, 0.4, 0.0, 1.0, 0.0, 0.0], (2, 3, 1)), np.ones((2, 3), bool)
+    own = robot(Truth(POSE))
+    closes = np.ones((2, 3, 4), bool)
+    right: dict[str, Any] = {"hand_pose": pose, "wanted": wanted, "closings": ("curl40",)}
+    for name, value, kind, says in (
+            ("hand_pose", pose[0], ValueError, r"of shape \(3, 7\); should be \(world 2, probe, 7"),
+            ("hand_pose", pose[..., :6], ValueError, r"should be \(world 2, probe, 7\)"),
+            ("hand_pose", pose.tolist(), TypeError, "is list; should be a NumPy array"),
+            ("wanted", wanted[:, :2], ValueError, r"should be \(world 2, probe 3\)"),
+            ("wanted", wanted * 1.0, TypeError, "is of float64; should be of bool"),
+            ("room", 4, TypeError, "is int; should be a NumPy array of numbers"),
+            ("closes", closes[..., :3], ValueError, r"\(world 2, probe 3, finger 4\)"),
+            ("closes", closes * 1, TypeError, "is of int64; should be of bool")):
+        given: dict[str, Any] = {**right, name: value}
+        with pytest.raises(kind, match=f"{name}: .*{says}"):
+            explore_by_containment(own, **given)
+
+
+def test_keys_and_numbers_of_bodies_are_whole() -> None:
+    for key in (np.zeros(2), [0, 1]):
+        with pytest.raises(TypeError, match=r"key: .*; should be .*of whole numbers, \(world,\)"):
+            robot(Truth(POSE), key)  # type: ignore[arg-type]
+    with pytest.raises(ValueError, match=r"key: of shape \(2, 1\); should be \(world,\)"):
+        robot(Truth(POSE), KEY[:, None])
+    with pytest.raises(TypeError, match="body: is of float64; should be of whole numbers"):
+        Robot([body_from_name("block")], np.zeros(1), Truth(POSE), KEY, ArmTable(), HandTable(),
+              SensorTable())

@@ -52,7 +52,7 @@ def arm_named(name: str) -> ArmModel:
     """An arm that ships. Raises ArmError for another name."""
     if name not in SHIPPED_ARMS:
         raise ArmError(f"arm {name!r}; should be one of {', '.join(SHIPPED_ARMS)}, puma560, none, "
-                       "or a TOML file")
+                       "or a TOML file, whose name ends in .toml")
     return arm_from_file(_DATA / f"{name}.toml")
 
 

@@ -19,8 +19,9 @@ from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors, pad
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform
-from warpgrasp.core.kernel_launch import array_of, check_range, launch_in_turn
+from warpgrasp.core.kernel_launch import array_of, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene

@@ -18,8 +18,9 @@ from warpgrasp.closing.closing_kernels import (
     reading_kernel,
 )
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import transform
-from warpgrasp.core.kernel_launch import array_of, check_range, launch, launch_in_turn
+from warpgrasp.core.kernel_launch import array_of, launch, launch_in_turn
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium

@@ -3,6 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "array_checks": ["check_array", "check_range"],
     "cache_file": ["cache_root", "drop_cached", "read_cached", "write_cached"],
     "dtypes": ["HALF", "ONE", "PI", "TINY", "TWO", "TWO_PI", "ZERO", "float32",
         "float32_vec3", "greater",
@@ -10,10 +11,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "mat76", "mat77", "quat", "real", "struct",
         "transform", "uint8", "vec2", "vec3", "vec4", "vec6", "vec7"],
     "kernel_cache": ["check_kernels", "drop_kernels", "has_kernels", "seal_kernels"],
-    "kernel_launch": ["GPU_BLOCK", "ShapeError", "array_of", "check_range", "launch",
+    "kernel_launch": ["GPU_BLOCK", "ShapeError", "array_of", "launch",
         "launch_in_turn", "set_thread_count"],
     "lanes": ["LANES", "has_lanes", "lanes_begin", "polynomial"],
-    "plain_text": ["counted", "csv_cell", "on_one_line", "printable"],
+    "plain_text": ["counted", "csv_cell", "first_few", "on_one_line", "printable"],
     "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],
     "turns": ["frame_axes", "sine_cosine"],
     "struct_array": ["Records", "record_type", "repeated"],

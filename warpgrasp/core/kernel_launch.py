@@ -48,13 +48,6 @@ def set_thread_count(count: int) -> None:
         _pool = None
 
 
-def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
-    """Raise ValueError where a number is none of `least` to `most`: kernels index by it unasked."""
-    wrong = (np.less(numbers, least) | np.greater(numbers, most)).ravel()
-    if wrong.any():
-        raise ValueError(f"{what} {np.ravel(numbers)[wrong][0]}: wants {least} to {most}")
-
-
 def array_of(values: np.ndarray, dtype: Any, device: str) -> wp.array:
     """An array for kernels to read. On a CPU it is NumPy's own memory where types agree: a copy
     takes Warp four times as long."""

@@ -1,6 +1,7 @@
 """Text that came from a user, made safe for where it is shown."""
 
 import unicodedata
+from collections.abc import Sequence
 
 _CONTROLS = {"Cc", "Cf", "Cs", "Co", "Zl", "Zp"}
 """Unicode categories that draw nothing, or change how the text around them is drawn."""
@@ -29,6 +30,12 @@ def on_one_line(text: str) -> str:
 def counted(count: int, name: str) -> str:
     """A number of things: "1 unit", "1,200 units"."""
     return f"{count:,} {name}{'s' * (count != 1)}"
+
+
+def first_few(names: Sequence[str], most: int = 5) -> str:
+    """Names for a message: the first ones, and how many more there are."""
+    more = f" and {len(names) - most:,} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def csv_cell(text: str) -> str:

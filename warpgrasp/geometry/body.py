@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import array_of, check_range, launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.geometry.scene import (
     Join,
     Primitive,

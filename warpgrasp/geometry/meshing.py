@@ -5,11 +5,15 @@ quadrilateral across every grid edge that the surface crosses. A vertex stands w
 planes at its cell's crossings meet (Ju and others 2002), so that edges stay sharp.
 """
 
+from numbers import Integral
+
 import numpy as np
 
 from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of, signed_distance_to_bodies
 
 _AROUND = ((0, 0), (1, 0), (1, 1), (0, 1))  # the four cells about an edge, in order
+MOST_CELLS = 512
+"""Along the longest side of a body's box."""
 _TOWARDS_MIDDLE = 0.05
 """Weight of the mean of a cell's crossings, beside one for each tangent plane."""
 
@@ -18,8 +22,11 @@ def body_mesh(body: Body, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """Vertices [m] in the body's frame, (vertex, 3), and quadrilaterals, (face, 4).
 
     `cells` is how many the longest side of the body's box has. Faces run anticlockwise seen from
-    outside. Both are empty where the grid misses the body.
+    outside. Both are empty where the grid misses the body. Raises ValueError unless `cells` is a
+    whole number from 1 to MOST_CELLS.
     """
+    if not isinstance(cells, Integral) or not 1 <= cells <= MOST_CELLS:
+        raise ValueError(f"cells: is {cells!r}; should be a whole number from 1 to {MOST_CELLS}")
     low, high = np.asarray(body.low_m, float), np.asarray(body.high_m, float)
     step = float((high - low).max()) / cells
     count = np.ceil((high - low) / step).astype(int) + 2

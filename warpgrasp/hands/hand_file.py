@@ -136,7 +136,8 @@ class _Hand(_Strict):
 def hand_named(name: str) -> HandModel:
     """A hand that ships. Raises HandError for another name."""
     if name not in SHIPPED:
-        of_file = " (in Python, hand_from_file reads one)" if name.endswith(".toml") else ""
+        of_file = " (in Python, hand_from_file reads one)" if name.endswith(".toml") else (
+            ", whose name ends in .toml")
         raise HandError(f"hand {name!r}; should be one of {', '.join(SHIPPED)}, or a TOML file"
                         f"{of_file}")
     return hand_from_file(_DATA / f"{name}.toml")

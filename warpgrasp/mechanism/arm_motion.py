@@ -17,8 +17,9 @@ import warp as wp
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.arms.serial_arm import padded
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec7
-from warpgrasp.core.kernel_launch import array_of, check_range, launch
+from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel

@@ -7,6 +7,7 @@ import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -100,12 +101,14 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
 
     kind = path.suffix.lower().lstrip(".")
     _check_declared_faces(path, kind, content)
+    if kind == "off":
+        content = _fanned(content)
     try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); STL, OBJ, PLY and OFF "
-                        "files are, the last of triangles and quads") from None
+                        "files are") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
     if len(mesh.faces) > LARGEST_FACE_COUNT:
@@ -188,6 +191,23 @@ def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
     if declared > LARGEST_FACE_COUNT:
         raise BodyError(f"{path}: its header declares {declared:,} faces or vertices; at most "
                         f"{LARGEST_FACE_COUNT:,}")
+
+
+def _fanned(content: bytes) -> bytes:
+    """An OFF file with fans of triangles for polygons of five and more corners, at which the reader
+    fails; of other kinds of files it makes these fans itself. A file that is wrong stays so."""
+    lines = [words for line in content.split(b"\n") if (words := line.partition(b"#")[0].split())]
+    try:
+        vertices = lines[1:] if lines[0][1:] else lines[2:]
+        count, face_count = map(int, (lines[0][1:] or lines[1])[:2])
+        faces = [face[1:int(face[0]) + 1] for face in vertices[count:count + face_count]]
+    except (IndexError, ValueError):
+        return content
+    if all(len(face) < 5 for face in faces):
+        return content
+    fans = [(b"3", face[0], *ends) for face in faces for ends in pairwise(face[1:])]
+    return b"\n".join([b"OFF", b"%d %d 0" % (count, len(fans)),
+                       *map(b" ".join, [*vertices[:count], *fans])])
 
 
 def _count(word: bytes) -> int:

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import mat33, real, transform, uint8, vec3
-from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.kernel_launch import launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.silhouette_kernel import _range_kernel, _silhouette_kernel

@@ -19,8 +19,9 @@ from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain.chain_pads import own_pads, pad_places
 from warpgrasp.chain_closing.chain_move import palm_bars
 from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform
-from warpgrasp.core.kernel_launch import ShapeError, check_range, launch
+from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm import arm_of, serial_model

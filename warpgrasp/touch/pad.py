@@ -15,8 +15,9 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand
 from warpgrasp.chain.chain_pads import pad_places
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
-from warpgrasp.core.kernel_launch import check_range, launch
+from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import record_type, repeated
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration

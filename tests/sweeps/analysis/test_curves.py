@@ -1,5 +1,6 @@
 """Curves and what is read off them, against cases worked by hand."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -24,6 +25,7 @@ from sweeps.analysis.curves import (
     grid_of,
     mean_curve,
     on_grid,
+    once_notes,
     reach,
     reach_table,
     read_curves,
@@ -84,6 +86,9 @@ def test_who_fits_once_is_told_how_to_get_a_curve(tmp_path: Path) -> None:
     table = curves_table(curves)
     assert "s: fitted once, at the end, so that there is no curve; sequences of" in (
         table.notes[-1])
+    many = replace(curves, entries=curves.entries[:1] * 40, steps={
+        axis: [found[:1] * 40 for found in steps] for axis, steps in curves.steps.items()})
+    assert once_notes(many)[0].startswith("s, s, s, s, s and 35 more: fitted once, at the end")
     assert "NA" not in [row["chamfer_mm"] for row in table_rows(table)]
     drawn = draw_curves(curves, "touches").axes[0]
     lines = {line.get_label(): line for line in drawn.get_lines()}

@@ -229,6 +229,19 @@ def test_one_object_finished_of_two_has_the_interval_of_its_episodes(tmp_path: P
     assert "the ranking is of one object" in board.notes[1]
 
 
+def test_a_study_of_which_no_object_is_finished_says_that_nothing_can_be_compared(
+        tmp_path: Path) -> None:
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    for unit in plan.units():
+        if unit.cell.strategy.name == "mine":
+            store.path(unit).unlink()
+    for notes in (make_leaderboard(plan, [store]).notes,
+                  read_paired(plan, [store], ["chamfer_mm"]).notes):
+        assert "no object has a value of every entry: nothing can be compared" in notes
+        assert not any("0 objects" in line for line in notes)
+
+
 def test_notes_say_of_how_many_episodes_they_are() -> None:
     faults = leaderboard._Faults()
     faults(SimpleNamespace(label="ring6"), {  # pyright: ignore

@@ -14,6 +14,7 @@ from sweeps.analysis.sensitivity import (
     _scores,
     _sure,
     _swapped,
+    check_study,
     sensitivity_spec,
     sensitivity_table,
 )
@@ -27,7 +28,9 @@ from sweeps.spec.reader import read_spec
 def test_the_spec_varies_one_constant_a_setting(tmp_path) -> None:
     file = tmp_path / "s.toml"
     file.write_text(sensitivity_spec())
-    study = plan_study(read_spec(file)).study
+    plan = plan_study(read_spec(file))
+    check_study(plan, file)
+    study = plan.study
     assert study.setting_count == 1 + sum(len(b.rows) for b in BRACKETS)
     base, _ = study.setting(0)
     for number in range(1, study.setting_count):
@@ -132,6 +135,10 @@ THRESHOLD = '"sensors.tendon_threshold_N" = [6.0, 3.0]\n'
      "sweep: setting 2 changes sensors.tendon_threshold_N and hand.link_radius_mm; each should"),
     (SPEC.partition('[[strategy]]\nname = "mine"')[0] + "[sweep.zip]\n" + THRESHOLD,
      "strategy: is one; a ranking needs two"),
+    (SPEC + THRESHOLD.replace("6.0, 3.0", "3.0, 6.0"), "sweep: sensors.tendon_threshold_N is 3 in "
+     "the first setting; should be the default there"),
+    (SPEC + '"strategy.closings" = [["curl40"], ["base_then_curl"]]', "sweep: strategy.closings"),
+    (SPEC.removesuffix("[sweep.zip]\n"), "sweep: is of one setting; should be one [sweep.zip]"),
 ])
 def test_a_spec_of_another_kind_is_refused(tmp_path, capsys, text, says) -> None:
     out = tmp_path / "out"

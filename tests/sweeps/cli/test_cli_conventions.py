@@ -16,8 +16,9 @@ import strategies
 import warpgrasp
 from sweeps.analysis import tables
 from sweeps.analysis.arrow import read_rows
-from sweeps.cli import commands, doctor, look
+from sweeps.cli import commands, look
 from sweeps.cli import main as cli
+from sweeps.cli.tools import doctor
 from sweeps.figures import kinds as figures
 
 

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from fit.superquadric.geometry import superquadric, superquadric_surface
-from sweeps.cli import fit as fit_command
 from sweeps.cli import main as cli
+from sweeps.cli.tools import fit_points as fit_command
 
 SUPERQUADRIC = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m", "qx",
                 "qy", "qz", "qw", "kx", "ky", "bend_per_m", "bend_angle_rad", "rms_mm",

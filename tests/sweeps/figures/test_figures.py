@@ -110,7 +110,9 @@ def test_a_forest_explains_the_lines_that_it_has(tmp_path: Path) -> None:
 
 
 def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
-    looks_right(KINDS["settings"](Asked(swept[0], [swept[1]])))
+    drawn = KINDS["settings"](Asked(swept[0], [swept[1]]))
+    looks_right(drawn)
+    assert drawn.axes[-1].get_ylabel().endswith("mean;\nless is better")
 
 
 def test_levels_stand_at_their_numbers_with_the_table_s_intervals(tmp_path: Path) -> None:

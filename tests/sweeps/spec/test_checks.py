@@ -204,6 +204,25 @@ def test_errors_that_turn_a_factor_round_are_refused(
     assert found.endswith("which would make a factor zero or less; should be below 33 %")
 
 
+@pytest.mark.parametrize("whose", ["truth", "belief"])
+def test_errors_of_the_robot_that_is_not_swept_are_refused_too(tmp_path: Path, whose: str) -> None:
+    text = (f'[errors]\nscale = 7\n[robot]\nswept = "{whose}"\n'
+            '[sweep.grid]\n"errors.scale" = [0, 1]\n')
+    found, = refusals(tmp_path, SMALL + text)
+    assert found.startswith(f"{tmp_path}/spec.toml:11: errors.scale: of the robot that is not "
+                            "swept: moment_arm_pct times scale is 35 %")
+    read_spec(write_spec(tmp_path, SMALL + text.replace(whose, "both")))
+
+
+def test_limits_of_the_robot_that_is_not_swept_are_in_order(tmp_path: Path) -> None:
+    text = ('[hand]\nflexion_low_deg = [100, 0, 0]\n[robot]\nswept = "truth"\n'
+            '[sweep.grid]\n"hand.flexion_low_deg" = [[0, 0, 0], [-5, 0, 0]]\n')
+    found, = refusals(tmp_path, SMALL + text)
+    assert found.endswith("spec.toml:11: hand.flexion_low_deg: of the robot that is not swept: "
+                          "flexion_low_deg should be below flexion_high_deg")
+    read_spec(write_spec(tmp_path, SMALL + text.replace("truth", "both")))
+
+
 def test_errors_as_large_as_they_may_be_are_taken(tmp_path: Path) -> None:
     """Gains of pads do not count where nothing feels with them."""
     read_spec(write_spec(tmp_path, SMALL + "[errors]\nscale = 6.6\n"))

@@ -30,3 +30,9 @@ def test_a_hole_stays_a_hole() -> None:
     edges = np.sort(np.concatenate([faces[:, [n, (n + 1) % 4]] for n in range(4)]), axis=1)
     characteristic = len(vertices) - len(np.unique(edges, axis=0)) + len(faces)
     assert characteristic == 0  # Euler's, of a torus
+
+
+@pytest.mark.parametrize("cells", [0, -1, 2.5, 100_000])
+def test_a_number_of_cells_that_makes_no_grid_is_refused(cells: int) -> None:
+    with pytest.raises(ValueError, match=f"cells: is {cells}; should be a whole number from 1 to "):
+        body_mesh(body_from_name("block"), cells)

@@ -11,7 +11,7 @@ from sweeps.validate.bodies.scan_meshes import scan_meshes
 from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
-from warpgrasp.objects.mesh_import import body_from_mesh
+from warpgrasp.objects.mesh_import import body_from_mesh, mesh_triangles
 
 YCB = SHARED / "objects" / "ycb"
 
@@ -165,6 +165,24 @@ def test_faces_that_could_bound_two_bodies_are_refused(
     trimesh.util.concatenate(shells).export(tmp_path / "shells.stl")
     with pytest.raises(BodyError, match=message):
         body_from_mesh(tmp_path / "shells.stl", units="m")
+
+
+@pytest.mark.parametrize("head", ["OFF\n12 8 0\n", "OFF 12 8 0  # a prism\n"])
+def test_an_off_file_may_have_polygons(tmp_path: Path, head: str) -> None:
+    """At five corners and more the reader itself fails."""
+    angle = np.arange(12) * np.pi / 3
+    corners = np.stack([np.cos(angle), np.sin(angle), np.arange(12) // 6], 1) * [30, 30, 80]
+    sides = [(k, (k + 1) % 6, 6 + (k + 1) % 6, 6 + k) for k in range(6)]
+    file = tmp_path / "prism.off"
+    file.write_text(head + "".join(f"{x} {y} {z}\n" for x, y, z in corners) + "".join(
+        f"{len(face)} {' '.join(map(str, face))} 255 0 0\n"
+        for face in (range(5, -1, -1), range(6, 12), *sides)))
+    mesh = trimesh.Trimesh(*mesh_triangles(file, units="mm"))
+    assert len(mesh.faces) == 20
+    assert mesh.volume == pytest.approx(0.08 * 0.03**2 * 1.5 * 3**0.5)
+    file.write_text(file.read_text().replace("6 5 4 3 2 1 0", "6 5 4 3 x 1 0"))
+    with pytest.raises(BodyError, match=r"prism.off: not a mesh that can be read \("):
+        mesh_triangles(file, units="mm")
 
 
 def test_a_klein_bottle_is_refused(tmp_path: Path) -> None:

@@ -1,0 +1,40 @@
+"""Checks of arrays from outside, before kernels take them at their word."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+_KINDS = {"numbers": "iuf", "whole numbers": "iu", "bool": "b"}
+"""Letters that NumPy has for kinds of numbers."""
+
+
+def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
+    """Raise ValueError where a number is none of `least` to `most`: kernels index by it unasked."""
+    wrong = (np.less(numbers, least) | np.greater(numbers, most)).ravel()
+    if wrong.any():
+        raise ValueError(f"{what} {np.ravel(numbers)[wrong][0]}: wants {least} to {most}")
+
+
+def check_array(name: str, value: Any, kind: str, axes: str, **sizes: int) -> None:
+    """Raise TypeError for what is no NumPy array of a kind (numbers, whole numbers, bool),
+    ValueError for one of another shape.
+
+    `axes` has a word for each axis, as "world probe 7": the size, or a name. The size of a name
+    is in `sizes`, or free.
+    """
+    if not isinstance(value, np.ndarray):
+        raise TypeError(f"{name}: is {type(value).__name__}; should be a NumPy array of {kind}, "
+                        f"{_told(axes, sizes)}")
+    if value.dtype.kind not in _KINDS[kind]:
+        raise TypeError(f"{name}: is of {value.dtype}; should be of {kind}, {_told(axes, sizes)}")
+    wanted = [int(word) if word.isdigit() else sizes.get(word) for word in axes.split()]
+    if value.ndim != len(wanted) or any(
+            size not in (None, found) for size, found in zip(wanted, value.shape, strict=True)):
+        raise ValueError(f"{name}: of shape {value.shape}; should be {_told(axes, sizes)}")
+
+
+def _told(axes: str, sizes: Mapping[str, int]) -> str:
+    """The axes for a message, as (world 2, probe, 7)."""
+    words = [f"{word} {sizes[word]}" if word in sizes else word for word in axes.split()]
+    return f"({', '.join(words)}{',' if len(words) == 1 else ''})"
