@@ -104,7 +104,7 @@ def _fit_bucket(
     spread = spread._replace(rotation=rotation.reshape(-1, 3, 3), middle=np.concatenate([
         _middle(sets, middle, rotation[:, start])[:, None] for start in range(starts)], 1
     ).reshape(-1, 3))
-    problem = _problem(options)
+    problem = _problem(_form(options))
     best, found = screen(problem, theta, spread, options.screen_iterations)
     rotation = rotation[np.arange(n), best]
     lanes = lanes._replace(rotation=rotation, middle=_middle(sets, middle, rotation))
@@ -174,6 +174,12 @@ def _rows(end, lanes: FitData, sets: Sets, options: RevolutionOptions) -> dict[s
     }
 
 
+def _form(options: RevolutionOptions) -> RevolutionOptions:
+    """What programs close over: the rest is data, or says how often they are called."""
+    return RevolutionOptions(nodes=options.nodes, smoothing=options.smoothing,
+                             monotone=options.monotone, loss=options.loss)
+
+
 @lru_cache(maxsize=64)
 def _problem(options: RevolutionOptions) -> Problem:
     return Problem(lambda theta, data, span, _: normal_equations(theta, data, options, span),
@@ -187,7 +193,7 @@ def _evaluated(theta, lanes: FitData, options: RevolutionOptions) -> Any:
     spread = take(lanes._replace(points=points[:, 0], weight=weight[:, 0]),
                   np.repeat(np.arange(n), pieces))
     spread = spread._replace(points=points.reshape(-1, 3, PIECE), weight=weight.reshape(-1, PIECE))
-    found = map_lanes(_evaluate(options), np.repeat(theta, pieces, axis=0), spread)
+    found = map_lanes(_evaluate(_form(options)), np.repeat(theta, pieces, axis=0), spread)
     parts = lambda values: values.reshape(n, pieces, *values.shape[1:])  # noqa: E731
     return take(found, np.arange(0, n * pieces, pieces))._replace(
         distance=undivided(parts(found.distance), lanes.points.shape[2]),
