@@ -232,8 +232,9 @@ class RunningExploration:
                 if isinstance(probe, Grasp):
                     shown = ": " + np.array2string(np.asarray(probe.hand_pose)[world, number],
                                                    precision=3, max_line_width=400)
-                self._blame(np.arange(len(mask)) == world, f"{place_of(planner)}: {what}: "
-                            f"world {world}, probe {number}{shown}")
+                # Without the world's number: a row may be run beside others, or alone.
+                self._blame(np.arange(len(mask)) == world,
+                            f"{place_of(planner)}: {what}: probe {number}{shown}")
             mask = mask & ~np.asarray(found.any(1))[:, None]
         return mask
 

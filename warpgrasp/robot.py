@@ -42,6 +42,8 @@ if TYPE_CHECKING:
 _AXIS = 1  # of the stream of cameras; 0 is of what is wrong with images
 _UNIT = 1e-6
 """By how much a quaternion may be longer or shorter than 1."""
+_UPRIGHT, _ON_TABLE_M = 1e-6, 1e-6
+"""How far an object may lean (x and y of its quaternion), and stand above or in the table."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +67,7 @@ class Truth:
     """
 
     body_pose: np.ndarray
-    """Where the objects truly stand, (world, 7)."""
+    """Where the objects truly stand, turned about the vertical, (world, 7)."""
     closings: list[ClosingTruth] = field(default_factory=list)
     lines: list[LineTruth] = field(default_factory=list)
     """Guarded lines, in the order they were made."""
@@ -87,6 +89,18 @@ def _check_poses(name: str, pose: np.ndarray, counts: np.ndarray) -> None:
         first = tuple(np.argwhere(wrong)[0])
         raise ValueError(f"{name}: that of world {first[0]} is {pose[first].tolist()}; should "
                          "be finite, and its quaternion (the last four) of length 1")
+
+
+def _check_stands(pose: np.ndarray) -> None:
+    """Raise ValueError for objects (world, 7) that do not stand upright on the table: it is at
+    z = 0 of their own frames, and would come with them."""
+    off = (np.abs(pose[:, 3:5]) > _UPRIGHT).any(1) | (np.abs(pose[:, 2]) > _ON_TABLE_M)
+    if off.any():
+        first = int(off.argmax())
+        raise ValueError(f"body_pose: that of world {first} is {pose[first].tolist()}; what is "
+                         "touched stands on the table, its z 0 and x and y of its quaternion 0. "
+                         "What leans or lies is a body of its own, with turned parts or a stable "
+                         "pose")
 
 
 def _of_closed(closing: Closing, closes: np.ndarray) -> Closing:
@@ -187,7 +201,8 @@ class Robot:
         open, and are NOT_TRIED.
 
         Raises ValueError for arrays of other shapes, TypeError of other kinds, and ValueError for
-        a wanted pose that is no place and unit quaternion.
+        a wanted pose that is no place and unit quaternion, and for an object that does not stand
+        upright on the table.
         """
         check_array("hand_pose", hand_pose, "numbers", "world probe 7", world=self.worlds)
         worlds, probes, _ = hand_pose.shape
@@ -201,6 +216,7 @@ class Robot:
             check_array("closes", closes, "bool", "world probe finger", world=worlds, probe=probes,
                         finger=fingers)
         _check_poses("hand_pose", hand_pose, wanted)
+        _check_stands(self._truth.body_pose)
         if room is not None:
             wanted = self._within(room, hand_pose, wanted, commands_rad, closes)
         number = self._numbers(wanted)
@@ -269,14 +285,15 @@ class Robot:
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.
 
-        Raises ValueError for a pose that is no place and unit quaternion, and where errors could
-        make the gain of a pad zero or less.
+        Raises ValueError for a pose that is no place and unit quaternion, for an object that does
+        not stand upright on the table, and where errors could make the gain of a pad zero or less.
         """
         from warpgrasp.touch.guarded_motion import guarded_line
 
         if wrong := self._true.errors.misfit():
             raise ValueError(wrong)
         _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
+        _check_stands(self._truth.body_pose)
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
         touch, truth, arm_q = guarded_line(

@@ -113,7 +113,7 @@ def _answered(function: Callable[..., Any], touches: Touches
             with guarded_call():  # what it gave may run code of its own when it is read
                 meshes[world] = checked_mesh(given, touches.low_m[world], touches.high_m[world])
         except (ValueError, TypeError) as error:
-            fault[world] = on_one_line(f"{place_of(function)}: world {world}: {error!s:.400}")
+            fault[world] = on_one_line(f"{place_of(function)}: {error!s:.400}")
         except Exception as error:
             fault[world] = fault_text(function, error)
     return meshes, fault, cut

@@ -17,6 +17,7 @@ from warpgrasp.robot import Robot, Truth
 
 POSE = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
 KEY = np.arange(2, dtype=np.uint64)
+HAND = np.array([0.45, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0])
 
 
 def robot(truth: Truth, key: np.ndarray = KEY, body: int = 1, kind: str = "utah_mit") -> Robot:
@@ -30,6 +31,21 @@ def test_a_true_pose_has_a_unit_quaternion(last: tuple[float, ...]) -> None:
     pose[1, 3:] = last
     with pytest.raises(ValueError, match=r"body_pose: that of world 1 is \[0.45, .* of length 1"):
         Truth(pose)
+
+
+@pytest.mark.parametrize(("place", "value"), [(2, 0.06), (2, -0.01), (3, 0.1), (4, 0.1)])
+def test_objects_stand_on_the_table(place: int, value: float) -> None:
+    """The table is at z = 0 of the object's own frame: it was raised or tilted with it."""
+    pose = POSE.copy()
+    pose[1, place] = value
+    pose[1, 6] = np.sqrt(1.0 - (pose[1, 3:6] ** 2).sum())
+    tilted = robot(Truth(pose))
+    with pytest.raises(ValueError, match=r"that of world 1 is .* what is touched stands on the t"):
+        explore_by_containment(tilted, np.tile(HAND, (2, 1, 1)), np.ones((2, 1), bool), ("curl40",))
+    finger = np.zeros((4, 1, 4))
+    with pytest.raises(ValueError, match=r"that of world 1 is .* what is touched stands on the t"):
+        tilted.guarded_line(np.arange(2), np.tile(HAND, (2, 1)), np.tile([0.0, 0.0, -1.0], (2, 1)),
+                            interval_m=0.001, steps=5, finger=0, commands_rad=finger)
 
 
 @pytest.mark.parametrize("pose", [POSE[:, :6], POSE[0], POSE[None]])

@@ -207,8 +207,8 @@ def test_a_fault_of_one_mesh_is_its_world_s_alone(asked) -> None:
 @pytest.mark.parametrize(("name", "said"), [
     ("late", "vertices: RuntimeError: the network is not there"),
     ("late_pair", "pair: KeyError: 'no mesh'"), ("points_alone", "AttributeError"),
-    ("three", "world 1: is tuple of 3; should be a pair of vertices and faces, or"),
-    ("file", "world 1: is str; should be a pair"), ("by_world", "world 1: is int; should be"),
+    ("three", ": is tuple of 3; should be a pair of vertices and faces, or"),
+    ("file", ": is str; should be a pair"), ("by_world", ": is int; should be"),
 ])
 def test_what_cannot_be_read_is_a_fault_of_its_world(asked, name: str, said: str) -> None:
     found = asked(name)
