@@ -17,6 +17,7 @@ from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner, real_option
+from strategies.planners.unguided import far_from_taken
 from strategies.recovery.belief import Belief
 
 NEW_AT_M = 0.03
@@ -37,7 +38,8 @@ FIELD_SPREAD_M = 0.01
 
 
 class OneAtATime(ABC):
-    """Base of these planners: the candidate of the greatest gain that was not taken yet."""
+    """Base of these planners: the candidate of the greatest gain that was not taken yet; where none
+    promises any, the one farthest from those taken."""
 
     def __init__(self) -> None:
         self.taken: np.ndarray | None = None
@@ -60,6 +62,9 @@ class OneAtATime(ABC):
             self.taken = np.zeros((belief.worlds, poses.shape[1]), bool)
         free = reachable & ~self.taken[rows] & here.active[:, None]
         gain = np.where(free, self.gain(here, poses, free), -np.inf)
+        blind = np.flatnonzero(free.any(1) & ~(gain.max(1, initial=-np.inf) > 0.0))
+        gain[blind] = np.where(free[blind], far_from_taken(
+            poses[blind], self.taken[rows[blind]]), -np.inf)
         best = gain.argmax(1)
         every = np.arange(len(rows))
         wanted = np.zeros(belief.worlds, bool)
@@ -88,7 +93,10 @@ class OneAtATime(ABC):
             closed, felt = belief.touches - self._before[0], contacts - self._before[1]
             larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
                 felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
-            self.larger_m = np.clip(larger, -belief.prior.margin_m, belief.prior.margin_m)
+            margin = belief.prior.margin_m
+            # An object that was never met may as well be elsewhere.
+            least = np.where(contacts > 0, margin, np.minimum(margin, EMPTY_M))
+            self.larger_m = np.clip(larger, -least, margin)
         self._before = belief.touches.copy(), contacts
 
     @abstractmethod

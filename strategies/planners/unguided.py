@@ -90,11 +90,17 @@ class EvenPoses(Unguided):
         """By the distance to the nearest pose taken; 0.1 m counts as much as one radian."""
         apart = _apart(poses)
 
-        def nearest(place: int, taken: np.ndarray) -> np.ndarray:
-            near = np.where(taken[:, None], apart, np.inf).min(-1)
-            return np.where(np.isfinite(near), near, 1.0)
+        return _greedy(lambda place, taken: _nearest(apart, taken), reachable)
 
-        return _greedy(nearest, reachable)
+
+def far_from_taken(poses: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """How far each pose is from the nearest of those taken, (world, candidate); 1 where none is."""
+    return _nearest(_apart(poses), taken)
+
+
+def _nearest(apart: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    near = np.where(taken[:, None], apart, np.inf).min(-1)
+    return np.where(np.isfinite(near), near, 1.0)
 
 
 def _greedy(gain: Callable[[int, np.ndarray], np.ndarray], reachable: np.ndarray) -> np.ndarray:

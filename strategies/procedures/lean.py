@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fit.rotation import matrix_of_quaternion, turn_points
 from strategies.poses.postures import poking_pose
 from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.mechanism.touch_postures import ExtendedFinger
@@ -52,3 +53,18 @@ def _lean_poses(
     best = np.where(usable, score, -1.0).argmax(1)
     rows = np.arange(len(point))
     return poses[rows, best, 0], usable[rows, best], score[rows, best]
+
+
+def face_axes(normal: np.ndarray) -> np.ndarray:
+    """u level, v upwards (on a level face: towards +x), and the unit normal itself, (n, 3, 3)."""
+    up = np.where(np.abs(normal[:, 2:]) < 0.95, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
+    u = np.cross(up, normal)
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    return np.stack([u, np.cross(normal, u), normal], 1)
+
+
+def fingertip_from(one: ExtendedFinger, turn: np.ndarray) -> np.ndarray:
+    """From the hand's origin to the centre of the extended fingertip [m], (n, 3), for the
+    hand's quaternions (n, 4)."""
+    # SciPy's product rounds one rotation differently from several: a row would depend on others.
+    return turn_points(matrix_of_quaternion(turn), one.tip_m[None])[:, 0]

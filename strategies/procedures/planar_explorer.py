@@ -11,13 +11,14 @@ across. A host-side state machine over the whole batch: worlds that are done are
     planes = planes_of(found)                               # strategies.procedures.planar_faces
 """
 
+from collections.abc import Callable
 from enum import IntEnum
 from math import ceil
 
 import numpy as np
 
-from fit.rotation import matrix_of_quaternion, turn_points
-from strategies.procedures.lean import choose_lean
+from fit.rotation import matrix_of_quaternion
+from strategies.procedures.lean import choose_lean, face_axes, fingertip_from
 from strategies.procedures.planar_record import DIRECTIONS, PlanarExploration, PlanarOptions
 from strategies.procedures.possible import extended_of
 from strategies.procedures.touches import EndReason, TouchLog
@@ -102,6 +103,7 @@ class _Explorer:
         self.direction_reason = np.zeros((worlds, DIRECTIONS), int)
         self.direction = np.zeros(worlds, int)
         self.place = np.zeros((worlds, 3))  # of the hand, as commanded
+        self.stood = np.zeros((worlds, 3))  # the same at the end of the line before
         self.first = np.zeros((worlds, 3))
         self.level = np.zeros(worlds)  # of the last touch of the face, along its normal
         self.fell = np.zeros(worlds, bool)  # whether the last touch was below the face
@@ -140,7 +142,12 @@ class _Explorer:
             rows, np.concatenate([self.place[rows], self.turn[rows]], 1), self.way[rows],
             interval_m=interval, steps=self.intervals[rows], finger=self.one.finger,
             commands_rad=self.one.commands_rad, until=self.until[rows], checked=checked)
-        self.place[rows] += self.way[rows] * (touch.steps * interval)[:, None]
+        # A line that begins out of reach leaves the hand where it is.
+        begun = (touch.status != ProbeStatus.UNREACHABLE) | (touch.steps > 0)
+        self.place[rows] = np.where(
+            begun[:, None], self.place[rows] + self.way[rows] * (touch.steps * interval)[:, None],
+            self.stood[rows])
+        self.stood[rows] = self.place[rows]
         self.touch_count[rows] += touch.is_touch
         self.time[rows] += touch.time_s
         self.path[rows] += touch.path_m
@@ -211,12 +218,16 @@ class _Explorer:
         self.turn = pose[:, 3:]
         self.tip = fingertip_from(self.one, self.turn)  # the finger stays as it is
         self.place = pose[:, :3] - inward * o.stand_off_m
+        self.stood = self.place.copy()
         self._plan_search(_Phase.APPROACH, rows, inward[rows], o.stand_off_m + o.search_m)
 
     def _begin(self, rows: np.ndarray, status: np.ndarray) -> None:
         self.first[rows] = self.place[rows]
         for code, why in _ENDED.items():
-            self._end(rows[status == code], why)
+            if code in (ProbeStatus.COLLISION, ProbeStatus.UNREACHABLE):
+                self.reason[rows[status == code]] = why  # the hand did not come there
+            else:
+                self._end(rows[status == code], why)
         self._cross(rows[status == ProbeStatus.CONTACT])
 
     def _cross(self, rows: np.ndarray) -> None:
@@ -299,48 +310,64 @@ class _Explorer:
 
     def _rise_and_go_over(self, rows: np.ndarray, _: np.ndarray) -> None:
         """Up to where the last way down began: that way is known to be free."""
-        normal = self.axes[rows, 2]
-        height = ((self.first[rows] - self.place[rows]) * normal).sum(1, keepdims=True)
-        self.place[rows] += normal * (np.maximum(height, 0.0) + self.o.clear_m)
+        self.place[rows] += self.axes[rows, 2] * (
+            np.maximum(self._below_first(rows), 0.0) + self.o.clear_m)
         self._go_over(rows)
 
+    def _below_first(self, rows: np.ndarray) -> np.ndarray:
+        away = self.first[rows] - self.place[rows]
+        return (away * self.axes[rows, 2]).sum(1, keepdims=True)
+
     def _go_over(self, rows: np.ndarray) -> None:
-        normal = self.axes[rows, 2]
-        self.place[rows] += normal * _OVER_M
+        self.place[rows] += self.axes[rows, 2] * _OVER_M
+        self._plan_level(rows)
+
+    def _go_low(self, rows: np.ndarray) -> None:
+        """No higher than steps are; in the end from where the hand is."""
+        rise = np.maximum(self._below_first(rows) + self.o.clear_m, 0.0)
+        self.place[rows] += self.axes[rows, 2] * rise * (self.tries[rows, None] < 2)
+        self._plan_level(rows)
+
+    def _plan_level(self, rows: np.ndarray) -> None:
         away = self.first[rows] - self.place[rows]
         self._plan_travel(_Phase.OVER, rows,
-                          away - (away * normal).sum(1, keepdims=True) * normal)
+                          away - self._below_first(rows) * self.axes[rows, 2])
 
     def _come_down(self, rows: np.ndarray, status: np.ndarray) -> None:
-        free = status == ProbeStatus.NO_CONTACT
-        self._plan_release(_Phase.RISE, rows[~free])
+        """Where the arm reaches no way over, at the height at which it came."""
+        free, far = status == ProbeStatus.NO_CONTACT, status == ProbeStatus.UNREACHABLE
+        self._plan_release(_Phase.RISE, rows[~free & ~far])
+        self._again(rows[far], self._go_low, EndReason.UNREACHABLE)
         rows = rows[free]
         self._plan_travel(_Phase.DOWN, rows, self.first[rows] - self.place[rows])
 
     def _try_higher(self, rows: np.ndarray, _: np.ndarray) -> None:
+        self._again(rows, self._go_over, EndReason.BLOCKED)
+
+    def _again(self, rows: np.ndarray, way: Callable, why: EndReason) -> None:
+        """One more way back; after the last these worlds are done."""
         self.tries[rows] += 1
         barred = self.tries[rows] >= _TRIES
-        self._bar(rows[barred])
-        self._go_over(rows[~barred])
+        self._bar(rows[barred], why)
+        way(rows[~barred])
 
     def _cross_from_first(self, rows: np.ndarray, status: np.ndarray) -> None:
         """Down to the face a touch is one that is known, and not noted."""
         free = (status == ProbeStatus.NO_CONTACT) | (status == ProbeStatus.CONTACT)
-        self._bar(rows[~free])
+        far = status == ProbeStatus.UNREACHABLE
+        self._bar(rows[far], EndReason.UNREACHABLE)
+        self._bar(rows[~free & ~far], EndReason.BLOCKED)
         self._cross(rows[free])
 
-    def _bar(self, rows: np.ndarray) -> None:
+    def _bar(self, rows: np.ndarray, why: EndReason) -> None:
         """No way leads back: these worlds are done."""
         self.rejected[rows] += 1
-        self._end(rows, EndReason.BLOCKED)
+        self._end(rows, why)
 
     def _end(self, rows: np.ndarray, why: EndReason) -> None:
-        """Off the face and to a retreat, if the hand is there at all."""
+        """Off the face and to a retreat."""
         self.ending[rows] = why
-        if why in (EndReason.UNREACHABLE, EndReason.START_BLOCKED):
-            self._finish(rows)
-        else:
-            self._plan_release(_Phase.LEAVE_FACE, rows)
+        self._plan_release(_Phase.LEAVE_FACE, rows)
 
     def _retreat(self, rows: np.ndarray, _: np.ndarray) -> None:
         self.tries[rows] = 0
@@ -362,18 +389,3 @@ class _Explorer:
 
     def _finish(self, rows: np.ndarray) -> None:
         self.reason[rows] = self.ending[rows]
-
-
-def face_axes(normal: np.ndarray) -> np.ndarray:
-    """u level, v upwards (on a level face: towards +x), and the unit normal itself, (n, 3, 3)."""
-    up = np.where(np.abs(normal[:, 2:]) < 0.95, [0.0, 0.0, 1.0], [1.0, 0.0, 0.0])
-    u = np.cross(up, normal)
-    u /= np.linalg.norm(u, axis=1, keepdims=True)
-    return np.stack([u, np.cross(normal, u), normal], 1)
-
-
-def fingertip_from(one: ExtendedFinger, turn: np.ndarray) -> np.ndarray:
-    """From the hand's origin to the centre of the extended fingertip [m], (n, 3), for the
-    hand's quaternions (n, 4)."""
-    # SciPy's product rounds one rotation differently from several: a row would depend on others.
-    return turn_points(matrix_of_quaternion(turn), one.tip_m[None])[:, 0]

@@ -13,7 +13,7 @@ import numpy as np
 
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.contacts.shared_errors import shared_shifts
-from strategies.procedures.planar_explorer import face_axes
+from strategies.procedures.lean import face_axes
 from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
 from strategies.recovery.free_contacts import LATER_SIGMA_M, PAD_SIGMA_M
 from strategies.recovery.misfit import FARTHEST_M

@@ -62,3 +62,20 @@ def test_a_barred_hand_makes_the_object_larger_and_an_empty_one_smaller() -> Non
     felt = belief(on_side(0, 90, n=8)).evidence
     planner(replace(here, step=2, touches=np.array([8, 16]), evidence=felt))
     assert (np.abs(planner.larger_m) < [0.006, 0.010]).all()
+
+
+def test_an_object_never_met_is_not_made_smaller_pose_by_pose() -> None:
+    planner, here = GreedyCoverage(), replace(belief(), fitted=np.zeros(2, bool))
+    for step in range(4):
+        planner(replace(here, step=step, touches=np.full(2, 8 * step)))
+    assert np.all(planner.larger_m == -0.010)
+
+
+def test_where_no_pose_promises_a_touch_the_one_farthest_from_those_taken_is_next() -> None:
+    """The hand takes another side, not the next pose of the list."""
+    planner, here = GreedyCoverage(), replace(belief(), fitted=np.zeros(2, bool))
+    planner.gain = lambda belief, poses, free: np.zeros(free.shape)
+    taken = [planner(replace(here, step=step))[0].hand_pose[:, 0] for step in range(4)]
+    apart = [np.linalg.norm(one[:, :3] - other[:, :3], axis=1)
+             for k, one in enumerate(taken) for other in taken[:k]]
+    assert np.min(apart) > 0.08

@@ -1,6 +1,7 @@
 """The planar explorer: what it must recover from the block, and that it always ends, saying why."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import Face, angle_between, planes_of
 from strategies.procedures.planar_record import PlanarExploration, PlanarOptions
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
-from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
 
@@ -211,3 +212,17 @@ def test_a_finger_past_an_edge_that_touches_it_has_not_found_a_lower_surface() -
     found = explore_plane(robot, point, np.tile([0.0, 0.0, 1.0], (6, 1)))
     assert (found.reason == EndReason.COMPLETE).all()
     assert not (found.direction_reason == EndReason.FELL_AWAY).any()
+
+
+def test_a_face_that_goes_on_above_the_reach_of_the_arm_is_explored_downwards_too() -> None:
+    """From the highest place reached no way leads over the face; the hand goes back along it."""
+    tall = body_from_table({"name": "tall", "compound": [
+        {"shape": "block", "size_mm": [30, 30, 300]}]}, Path("."))
+    pose = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (3, 1))
+    robot = Robot([tall], np.zeros(1, int), Truth(pose), np.arange(3).astype(np.uint64), ArmTable(),
+                  HandTable(), SensorTable(), errors=CALIBRATED)
+    point = np.array([[0.435, 0.0, z] for z in (0.10, 0.15, 0.20)])
+    found = explore_plane(robot, point, np.tile([-1.0, 0.0, 0.0], (3, 1)))
+    assert (found.reason == EndReason.COMPLETE).all()
+    assert (found.direction_reason[:, 2] == EndReason.UNREACHABLE).all()
+    assert (found.direction_reason[:, 3] == EndReason.TABLE).all()

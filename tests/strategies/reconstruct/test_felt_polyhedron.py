@@ -8,7 +8,7 @@ import pytest
 from fit.arrays import rows_of
 from fit.rotation import matrix_of_quaternion
 from strategies.contacts.shared_errors import shared_shifts
-from strategies.procedures.planar_explorer import face_axes
+from strategies.procedures.lean import face_axes
 from strategies.ready_made import STRATEGIES
 from strategies.reconstruct.calibrated_planes import Planes, calibrated_planes
 from strategies.reconstruct.felt_polyhedron import crossed_planes, felt_polyhedron
