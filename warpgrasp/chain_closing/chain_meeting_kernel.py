@@ -47,6 +47,7 @@ _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_meeting_kernel(
     first: int,
+    has_lanes: wp.bool,
     # Scene:
     scene: Scene,
     body: wp.array[int],
@@ -105,6 +106,7 @@ def chain_meeting_kernel(
     count = int(0)
     command = hand_angles()
     build = ChainBuild()
+    build.has_lanes = has_lanes
     build.palm = palm
     build.palm_balls = palm_balls
     build.pairs = pairs
