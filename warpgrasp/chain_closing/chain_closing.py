@@ -21,6 +21,7 @@ from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, check_range, launch_in_turn
+from warpgrasp.core.lanes import has_lanes
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
@@ -111,7 +112,7 @@ def close_chains(
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {
-        "march_scale": march_scale, "probe_status": there(probe_status, int),
+        "has_lanes": has_lanes(device), "march_scale": march_scale, "probe_status": there(probe_status, int),
         "closes": wp.array(closes, dtype=int, device=device), "come": come,
         "ended": ended.array})
     reading = (chain_reading_kernel, _SHAPES, given)
