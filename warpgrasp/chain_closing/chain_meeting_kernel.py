@@ -161,7 +161,7 @@ def chain_meeting_kernel(
             build = near_pairs(hands, own, build, command, q, hand_angles(), i, 1)
             if hands[own, 0].friction > ZERO:
                 count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
-                                     0, LINK_SAMPLES, 0, meetings, grips)
+                                     0, LINK_SAMPLES, 0, meetings, 0, grips)
                 for f in range(fingers):
                     grips[i, f] = grips[i, fingers + f]
             else:
