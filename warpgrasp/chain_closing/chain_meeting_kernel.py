@@ -15,6 +15,7 @@ from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
 from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
 from warpgrasp.chain_closing.chain_near_kernel import first_near
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
+from warpgrasp.chain_closing.meeting_steps import SURE, hangs_on_commands, steps_at_once
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
@@ -26,6 +27,7 @@ from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.hand_rest.chain_meetings import (
+    FINGERS,
     CapsulePair,
     ChainBuild,
     ChainMeeting,
@@ -34,10 +36,12 @@ from warpgrasp.hand_rest.chain_meetings import (
 )
 from warpgrasp.hand_rest.hand_balance import hand_balance
 from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
+from warpgrasp.hand_rest.meetings import fingers_met
 from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
+_shares = wp.types.vector(length=FINGERS, dtype=real)
 _NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
@@ -126,6 +130,8 @@ def chain_meeting_kernel(
     build.world = w % order.shape[0]
     build.grasp = g
     fresh = int(1)
+    gone = int(1)  # steps at once
+    most_before = real(0.0)
     while s <= last:
         if fresh == 1:
             # From where each finger, closing alone, was a step before.
@@ -184,12 +190,32 @@ def chain_meeting_kernel(
         else:
             count = hand_equilibrium(scene, which, hands, own, base, build, command, state, i,
                                      LINK_SAMPLES, meetings, count, frictions)
+        met = int(touched)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
-                for f in range(fingers):
-                    if (stopped & (1 << f)) == 0 and (
-                            meetings[i, a].one == f or meetings[i, a].two == f):
-                        touched = touched | (1 << f)
+                met = met | (fingers_met(meetings[i, a]) & ~stopped)
+        surely = hangs_on_commands(hands, own, state, meetings, i, count, stopped)
+        share = _shares()  # of the threshold
+        reading = _shares()
+        most = real(0.0)
+        for f in range(fingers):
+            if (met & ~stopped & (1 << f)) != 0:
+                hand = hands[own, f]
+                drawn = guard_reading(
+                    sensors[own_sensor, f], hand.drives,
+                    guarded_torque(hand, believed[0, f], base, command[f], state[i, f].q),
+                    tip_force(hand, state[i, f]),
+                    path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
+                    counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
+                share[f] = drawn[0]
+                reading[f] = drawn[1]
+                most = wp.max(most, drawn[0])
+        if gone > 1 and (most > SURE or not surely):
+            # A step that was left out may have stopped a finger, or pressed it: they are taken.
+            s -= gone - 1
+            gone = int(1)
+            continue
+        touched = int(met)
         for f in range(fingers):
             if (stopped & (1 << f)) == 0:
                 hand = hands[own, f]
@@ -198,15 +224,8 @@ def chain_meeting_kernel(
                 # What nothing has touched stops where it did alone: this equilibrium differs in
                 # its last digits, which may decide a reading at the threshold.
                 stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
-                reading = real(0.0)
                 if (touched & (1 << f)) != 0:
-                    drawn = guard_reading(
-                        sensors[own_sensor, f], hand.drives,
-                        guarded_torque(hand, believed[0, f], base, at, rest.q),
-                        tip_force(hand, rest), path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
-                        counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                    stops = drawn[0] > ONE
-                    reading = drawn[1]
+                    stops = share[f] > ONE
                 if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
@@ -225,7 +244,7 @@ def chain_meeting_kernel(
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
-                        felt[w, p, g, f].reading = reading
+                        felt[w, p, g, f].reading = reading[f]
                     for a in range(count):
                         if meetings[i, a].one == f or meetings[i, a].two == f:
                             truth[w, p, g, f].self_depth = wp.max(
@@ -235,10 +254,18 @@ def chain_meeting_kernel(
                 truth[w, p, g, f].rest = state[i, f].q
         if stopped == (1 << fingers) - 1:
             break
-        s += 1
-        if (touched & ~stopped) == 0 and s <= last:
+        steps = int(1)
+        if surely and most < SURE:
+            steps = wp.min(wp.max(last - s, 1), steps_at_once(
+                felt, truth, w, p, g, ((1 << fingers) - 1) & ~stopped & ~touched, s, gone, most,
+                most_before))
+        if (touched & ~stopped) == 0 and s < last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, base, path, come, build, felt, truth, w, p, g, i, s, last)
-            if ahead > s:
-                s = ahead
+            steps = int(1)
+            ahead = first_near(hands, base, path, come, build, felt, truth, w, p, g, i, s + 1, last)
+            if ahead > s + 1:
+                steps = ahead - s
                 fresh = int(1)
+        gone = wp.where(fresh == 1, 1, steps)
+        most_before = real(most)
+        s += steps

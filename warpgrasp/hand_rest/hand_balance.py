@@ -14,20 +14,12 @@ from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.hand_rest.far_balance import far_balance
 from warpgrasp.hand_rest.hand_equilibrium import largest_step, newton_step, stands
-from warpgrasp.hand_rest.meetings import PALM, base_of, find_meetings, takes_part
+from warpgrasp.hand_rest.meetings import base_of, find_meetings, fingers_met, takes_part
 from warpgrasp.rubbing.balance import finger_balance
 
 _ITERATIONS = wp.constant(16)
 _LAST = wp.constant(real(2e-5))  # [rad]; a Newton step that is taken without another evaluation
 _GROWN = wp.constant(real(2.0))  # steps that lengthen so much lead nowhere
-
-
-@wp.func
-def _fingers_of(met: Any):
-    """A bit for each finger of a meeting."""
-    if met.two == PALM:
-        return 1 << met.one
-    return (1 << met.one) | (1 << met.two)
 
 
 @wp.func
@@ -62,7 +54,7 @@ def hand_balance(
     held = int(0)
     for a in range(noted):
         if meetings[i, a].depth > ZERO:
-            held = held | _fingers_of(meetings[i, a])
+            held = held | fingers_met(meetings[i, a])
     for f in range(fingers):
         if not takes_part(build, f):
             continue
