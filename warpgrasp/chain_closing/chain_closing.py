@@ -10,12 +10,12 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, padded, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, vec6
 from warpgrasp.chain.torque_sensor import command_range, true_sensors
 from warpgrasp.chain_closing.chain_closing_kernels import chain_closing_kernel, chain_reading_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
-from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack
 from warpgrasp.closing.closing import Closing, ClosingTruth
@@ -112,9 +112,9 @@ def close_chains(
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {
-        "has_lanes": has_lanes(device), "march_scale": march_scale, "probe_status": there(probe_status, int),
-        "closes": wp.array(closes, dtype=int, device=device), "come": come,
-        "ended": ended.array})
+        "has_lanes": has_lanes(device), "march_scale": march_scale,
+        "probe_status": there(probe_status, int), "come": come, "ended": ended.array,
+        "closes": wp.array(closes, dtype=int, device=device)})
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device, heavy=True)

@@ -55,8 +55,8 @@ def resolve_meetings(
     if len(place) == 0:
         return
     palm, palm_balls, pairs = pairs_on_device(hand, CLOSE_M, device)
-    every = {**given, "has_lanes": has_lanes(device), "palm": palm, "palm_balls": palm_balls, "pairs": pairs, "order": order,
-             "slack": slack}
+    every = {**given, "has_lanes": has_lanes(device), "palm": palm, "palm_balls": palm_balls,
+             "pairs": pairs, "order": order, "slack": slack}
     near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():

@@ -6,16 +6,19 @@ hand are brought to rest together from the step at which links first come near o
 palm, step by step, each stopped by its own readings; a finger that has stopped holds its command
 and is pushed. Where nothing is near any more, fingers that nothing has touched end as they did
 alone.
+
+Skins of links do not rub. While no finger that moves, or that another one pushes, presses body or
+table, where the hand rests hangs on its commands alone and not on the way there: steps whose
+readings stop nothing are left out.
 """
 
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, ChainPose, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
-from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
+from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force, touches
 from warpgrasp.chain_closing.chain_near_kernel import first_near
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
-from warpgrasp.chain_closing.meeting_steps import SURE, hangs_on_commands, steps_at_once
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
 from warpgrasp.core.random import Purpose
 from warpgrasp.core.random_kernel import counter_key
@@ -42,10 +45,47 @@ from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
 _shares = wp.types.vector(length=FINGERS, dtype=real)
+_SURE = wp.constant(real(0.7))  # share of a threshold: noise stops no finger that reads less
+_SLOW = wp.constant(real(1e-3))  # share of it a step: a rise that may be noise alone
+_LONGEST = wp.constant(8)  # steps at once
 _NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
+
+
+@wp.func
+def _hangs_on_commands(
+    hands: wp.array2d[Chain], own: int, state: wp.array2d[ChainRest],
+    meetings: wp.array2d[ChainMeeting], i: int, count: int, stopped: int
+):
+    """Whether where a hand rests hangs on its commands alone."""
+    moved = ~stopped
+    for a in range(count):
+        moved = moved | fingers_met(meetings[i, a])
+    presses = int(0)
+    for f in range(hands.shape[1]):
+        if (moved & (1 << f)) != 0 and touches(hands[own, f], state[i, f]):
+            presses = int(1)
+    return presses == 0
+
+
+@wp.func
+def _steps_at_once(
+    felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
+    alone: int, s: int, gone: int, most: real, before: real
+):
+    """How many steps to go from step `s` on, of a hand that `gone` steps led from `before` to
+    `most` of the threshold; at least one. Of `alone`, a bit each, none is taken past the step
+    before it touches, or that it stops at, closing alone."""
+    rise = wp.max((most - before) / real(gone), _SLOW)
+    steps = wp.min(wp.min(2 * gone, _LONGEST), int((_SURE - most) / rise))
+    for f in range(felt.shape[3]):
+        if (alone & (1 << f)) != 0:
+            if truth[w, p, g, f].touched > s:
+                steps = wp.min(steps, truth[w, p, g, f].touched - 1 - s)
+            steps = wp.min(steps, felt[w, p, g, f].step - s)
+    return wp.max(steps, 1)
 
 
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
@@ -194,7 +234,7 @@ def chain_meeting_kernel(
         for a in range(count):
             if meetings[i, a].depth > ZERO:
                 met = met | (fingers_met(meetings[i, a]) & ~stopped)
-        surely = hangs_on_commands(hands, own, state, meetings, i, count, stopped)
+        surely = _hangs_on_commands(hands, own, state, meetings, i, count, stopped)
         share = _shares()  # of the threshold
         reading = _shares()
         most = real(0.0)
@@ -210,7 +250,7 @@ def chain_meeting_kernel(
                 share[f] = drawn[0]
                 reading[f] = drawn[1]
                 most = wp.max(most, drawn[0])
-        if gone > 1 and (most > SURE or not surely):
+        if gone > 1 and (most > _SURE or not surely):
             # A step that was left out may have stopped a finger, or pressed it: they are taken.
             s -= gone - 1
             gone = int(1)
@@ -255,8 +295,8 @@ def chain_meeting_kernel(
         if stopped == (1 << fingers) - 1:
             break
         steps = int(1)
-        if surely and most < SURE:
-            steps = wp.min(wp.max(last - s, 1), steps_at_once(
+        if surely and most < _SURE:
+            steps = wp.min(wp.max(last - s, 1), _steps_at_once(
                 felt, truth, w, p, g, ((1 << fingers) - 1) & ~stopped & ~touched, s, gone, most,
                 most_before))
         if (touched & ~stopped) == 0 and s < last:

@@ -22,7 +22,7 @@ from warpgrasp.chain.chain_kernel import (
     vec6,
     vec12,
 )
-from warpgrasp.chain_closing.free_lanes import capsules_in_lanes
+from warpgrasp.chain.free_lanes import capsules_in_lanes
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, greater, lesser, real, struct, transform, vec3
 from warpgrasp.core.lanes import LANES
 from warpgrasp.geometry.scene import Scene
