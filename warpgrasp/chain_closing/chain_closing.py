@@ -17,7 +17,7 @@ from warpgrasp.chain_closing.chain_closing_kernels import chain_closing_kernel, 
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
 from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
-from warpgrasp.chain_closing.chain_slack import pair_slack
+from warpgrasp.chain_closing.chain_slack import pair_slack, path_gaps
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, check_range, launch_in_turn
@@ -154,7 +154,18 @@ def _slack(
     shape: tuple[int, ...], commands: bytes, device: str
 ) -> tuple[wp.array, wp.array]:
     """How near pairs of capsules can come, kept for the next launch of the same robots."""
-    _, come = _on_device(hand, table, contact, errors, shape, commands, device)
+    _, _, pairs = pairs_on_device(hand, CLOSE_M, device)
+    return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape),
+                      _gaps(hand, table, shape, commands, device), pairs, device)
+
+
+@lru_cache(maxsize=16)
+def _gaps(
+    hand: ChainHand, table: HandTable, shape: tuple[int, ...], commands: bytes, device: str
+) -> np.ndarray:
+    """How near pairs come on a path of the hand that is believed, kept for all robots."""
+    commands_rad = np.frombuffer(commands).reshape(shape)
     palm, _, pairs = pairs_on_device(hand, CLOSE_M, device)
-    return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape), come,
-                      palm, pairs, device)
+    come = come_bounds(hand, table, ContactTable(weight=False), no_chain_errors(hand), commands_rad)
+    return path_gaps(hand, commands_rad, wp.array(come, dtype=real, device=device), palm, pairs,
+                     device)
