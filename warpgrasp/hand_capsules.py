@@ -173,8 +173,8 @@ def _utah_mit_places(table: HandTable, q_rad: np.ndarray) -> np.ndarray:
 @lru_cache(maxsize=16)
 def _chains(chain: ChainHand, table: HandTable) -> HandCapsules:
     # Kernels of chains, which the Utah-MIT hand does without.
+    from warpgrasp.chain.chain_move import palm_and_wrist
     from warpgrasp.chain_closing.chain_meeting import palm_of
-    from warpgrasp.chain_closing.chain_move import palm_and_wrist
 
     count = np.array([len(own) for own in chain.capsules])
     most = int(count.max())

@@ -120,7 +120,7 @@ class Chains:
 
     def move(self, *given: Any, errors: Calibration, **words: Any) -> tuple[ArmMoves, np.ndarray]:
         """As a `RobotHand`."""
-        from warpgrasp.chain_closing.chain_move import chain_clearance
+        from warpgrasp.chain.chain_move import chain_clearance
 
         scene, body, body_pose, arm, *rest = given
         return move_hand(scene, body, body_pose, arm, self.true.hand, *rest, contact=self.contact,

@@ -344,3 +344,9 @@ def closing_way(hand: ChainHand, closing: HandClosing, steps: int) -> np.ndarray
     moves = np.array([name in closing.moves for name in names])
     share = np.linspace(0.0, 1.0, steps)[:, None]
     return np.moveaxis(drive_angles(hand, start + share * np.where(moves, end - start, 0.0)), 1, 0)
+
+
+def padded(q: np.ndarray) -> np.ndarray:
+    """Angles of drives (..., width) with zeros up to six, contiguous."""
+    return np.ascontiguousarray(np.pad(q, [*[(0, 0)] * (q.ndim - 1), (0, JOINTS - q.shape[-1])]),
+                                np.float64)

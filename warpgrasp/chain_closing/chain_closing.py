@@ -10,18 +10,19 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, padded, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, vec6
 from warpgrasp.chain.torque_sensor import command_range, true_sensors
 from warpgrasp.chain_closing.chain_closing_kernels import chain_closing_kernel, chain_reading_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, resolve_meetings
-from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import come_bounds, no_chain_errors
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
-from warpgrasp.chain_closing.chain_slack import pair_slack
+from warpgrasp.chain_closing.chain_slack import pair_slack, path_gaps
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, launch_in_turn
+from warpgrasp.core.lanes import has_lanes
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
@@ -112,9 +113,9 @@ def close_chains(
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {
-        "march_scale": march_scale, "probe_status": there(probe_status, int),
-        "closes": wp.array(closes, dtype=int, device=device), "come": come,
-        "ended": ended.array})
+        "has_lanes": has_lanes(device), "march_scale": march_scale,
+        "probe_status": there(probe_status, int), "come": come, "ended": ended.array,
+        "closes": wp.array(closes, dtype=int, device=device)})
     reading = (chain_reading_kernel, _SHAPES, given)
     if contact.self_contact:
         launch_in_turn(extents, [closing], device=device, heavy=True)
@@ -154,7 +155,18 @@ def _slack(
     shape: tuple[int, ...], commands: bytes, device: str
 ) -> tuple[wp.array, wp.array]:
     """How near pairs of capsules can come, kept for the next launch of the same robots."""
-    _, come = _on_device(hand, table, contact, errors, shape, commands, device)
+    _, _, pairs = pairs_on_device(hand, CLOSE_M, device)
+    return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape),
+                      _gaps(hand, table, shape, commands, device), pairs, device)
+
+
+@lru_cache(maxsize=16)
+def _gaps(
+    hand: ChainHand, table: HandTable, shape: tuple[int, ...], commands: bytes, device: str
+) -> np.ndarray:
+    """How near pairs come on a path of the hand that is believed, kept for all robots."""
+    commands_rad = np.frombuffer(commands).reshape(shape)
     palm, _, pairs = pairs_on_device(hand, CLOSE_M, device)
-    return pair_slack(hand, table, contact, errors, np.frombuffer(commands).reshape(shape), come,
-                      palm, pairs, device)
+    come = come_bounds(hand, table, ContactTable(weight=False), no_chain_errors(hand), commands_rad)
+    return path_gaps(hand, commands_rad, wp.array(come, dtype=real, device=device), palm, pairs,
+                     device)

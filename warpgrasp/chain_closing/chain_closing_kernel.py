@@ -29,7 +29,7 @@ from warpgrasp.chain_closing.chain_record import (
     finger_stream,
     hand_from_body,
 )
-from warpgrasp.chain_closing.free_chain import FreeChain, advance_chain
+from warpgrasp.chain_closing.free_chain import FreeChain, advance_chain, advance_in_lanes
 from warpgrasp.closing.closing_record import stays_open
 from warpgrasp.core.dtypes import ONE, ZERO, real, struct, transform
 from warpgrasp.core.random import Purpose
@@ -116,6 +116,7 @@ def guarded_torque(hand: Chain, believed: Chain, base: transform, command: vec6,
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_closing_kernel(
     first: int,
+    has_lanes: wp.bool,
     # Scene:
     scene: Scene,
     body: wp.array[int],
@@ -166,8 +167,12 @@ def chain_closing_kernel(
     while s <= last:
         if pressed == 0:
             begin = now.free.step + 1
-            now.free = advance_chain(scene, which, hand, base, path, come, g, finger, march_scale,
-                                     now.free, last + 1)
+            if has_lanes:
+                now.free = advance_in_lanes(scene, which, hand, base, path, come, g, finger,
+                                            march_scale, now.free, last + 1)
+            else:
+                now.free = advance_chain(scene, which, hand, base, path, come, g, finger,
+                                         march_scale, now.free, last + 1)
             if sensor.suspect > ZERO:
                 for t in range(begin, now.free.step):
                     if stopped < 0 and noise_may_stop(sensor, hand.drives, counter_key(reader, t)):

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, padded, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain.torque_sensor import true_sensors
 from warpgrasp.chain_closing.chain_closing import ChainClosing
 from warpgrasp.chain_closing.chain_closing_kernels import chain_estimate_kernel
 from warpgrasp.chain_closing.chain_estimate_kernel import balls_type
-from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
 from warpgrasp.core.dtypes import mat33, transform, vec3
 from warpgrasp.core.kernel_launch import launch

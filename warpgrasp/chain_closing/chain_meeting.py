@@ -12,6 +12,7 @@ from warpgrasp.chain.chain_kernel import CAPSULES, ChainPose, vec6
 from warpgrasp.chain_closing.chain_closing_kernels import chain_meeting_kernel, chain_near_kernel
 from warpgrasp.core.dtypes import real, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.lanes import has_lanes
 from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.chain_energy import ChainRest
 from warpgrasp.finger.chain_friction import ChainFriction
@@ -54,8 +55,8 @@ def resolve_meetings(
     if len(place) == 0:
         return
     palm, palm_balls, pairs = pairs_on_device(hand, CLOSE_M, device)
-    every = {**given, "palm": palm, "palm_balls": palm_balls, "pairs": pairs, "order": order,
-             "slack": slack}
+    every = {**given, "has_lanes": has_lanes(device), "palm": palm, "palm_balls": palm_balls,
+             "pairs": pairs, "order": order, "slack": slack}
     near = _rows(chain_near_kernel, hand, place, every, rubs, device)
     some = near >= 0
     if some.any():

@@ -6,13 +6,17 @@ hand are brought to rest together from the step at which links first come near o
 palm, step by step, each stopped by its own readings; a finger that has stopped holds its command
 and is pushed. Where nothing is near any more, fingers that nothing has touched end as they did
 alone.
+
+Skins of links do not rub. While no finger that moves, or that another one pushes, presses body or
+table, where the hand rests hangs on its commands alone and not on the way there: steps whose
+readings stop nothing are left out.
 """
 
 import warp as wp
 
 from warpgrasp.chain.chain_kernel import Chain, ChainPose, chain_free_joints, vec6
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor, guard_reading
-from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force
+from warpgrasp.chain_closing.chain_closing_kernel import guarded_torque, tip_force, touches
 from warpgrasp.chain_closing.chain_near_kernel import first_near
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
 from warpgrasp.core.dtypes import ONE, ZERO, real, transform, vec3, vec4
@@ -26,6 +30,7 @@ from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES
 from warpgrasp.hand_rest.chain_meetings import (
+    FINGERS,
     CapsulePair,
     ChainBuild,
     ChainMeeting,
@@ -34,19 +39,59 @@ from warpgrasp.hand_rest.chain_meetings import (
 )
 from warpgrasp.hand_rest.hand_balance import hand_balance
 from warpgrasp.hand_rest.hand_equilibrium import hand_energy, hand_equilibrium, move_commands
+from warpgrasp.hand_rest.meetings import fingers_met
 from warpgrasp.hand_rest.rubbing_hand import rubbed_at, rubbing_hand
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
+_shares = wp.types.vector(length=FINGERS, dtype=real)
+_SURE = wp.constant(real(0.7))  # share of a threshold: noise stops no finger that reads less
+_SLOW = wp.constant(real(1e-3))  # share of it a step: a rise that may be noise alone
+_LONGEST = wp.constant(8)  # steps at once
 _NONE = wp.constant(real(1e9))  # [rad]; at no drive
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NO_CONTACT = wp.constant(int(ProbeStatus.NO_CONTACT))
 _TENSION_STEP = wp.constant(int(Purpose.TENSION_STEP))
 
 
+@wp.func
+def _hangs_on_commands(
+    hands: wp.array2d[Chain], own: int, state: wp.array2d[ChainRest],
+    meetings: wp.array2d[ChainMeeting], i: int, count: int, stopped: int
+):
+    """Whether where a hand rests hangs on its commands alone."""
+    moved = ~stopped
+    for a in range(count):
+        moved = moved | fingers_met(meetings[i, a])
+    presses = int(0)
+    for f in range(hands.shape[1]):
+        if (moved & (1 << f)) != 0 and touches(hands[own, f], state[i, f]):
+            presses = int(1)
+    return presses == 0
+
+
+@wp.func
+def _steps_at_once(
+    felt: wp.array4d[ChainClosingRow], truth: wp.array4d[ChainTruthRow], w: int, p: int, g: int,
+    alone: int, s: int, gone: int, most: real, before: real
+):
+    """How many steps to go from step `s` on, of a hand that `gone` steps led from `before` to
+    `most` of the threshold; at least one. Of `alone`, a bit each, none is taken past the step
+    before it touches, or that it stops at, closing alone."""
+    rise = wp.max((most - before) / real(gone), _SLOW)
+    steps = wp.min(wp.min(2 * gone, _LONGEST), int((_SURE - most) / rise))
+    for f in range(felt.shape[3]):
+        if (alone & (1 << f)) != 0:
+            if truth[w, p, g, f].touched > s:
+                steps = wp.min(steps, truth[w, p, g, f].touched - 1 - s)
+            steps = wp.min(steps, felt[w, p, g, f].step - s)
+    return wp.max(steps, 1)
+
+
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_meeting_kernel(
     first: int,
+    has_lanes: wp.bool,
     # Scene:
     scene: Scene,
     body: wp.array[int],
@@ -105,6 +150,7 @@ def chain_meeting_kernel(
     count = int(0)
     command = hand_angles()
     build = ChainBuild()
+    build.has_lanes = has_lanes
     build.palm = palm
     build.palm_balls = palm_balls
     build.pairs = pairs
@@ -124,6 +170,8 @@ def chain_meeting_kernel(
     build.world = w % order.shape[0]
     build.grasp = g
     fresh = int(1)
+    gone = int(1)  # steps at once
+    most_before = real(0.0)
     while s <= last:
         if fresh == 1:
             # From where each finger, closing alone, was a step before.
@@ -159,7 +207,7 @@ def chain_meeting_kernel(
             build = near_pairs(hands, own, build, command, q, hand_angles(), i, 1)
             if hands[own, 0].friction > ZERO:
                 count = hand_balance(scene, which, hands, own, base, build, command, q, state, i, 0,
-                                     0, LINK_SAMPLES, 0, meetings, grips)
+                                     0, LINK_SAMPLES, 0, meetings, 0, grips)
                 for f in range(fingers):
                     grips[i, f] = grips[i, fingers + f]
             else:
@@ -182,12 +230,32 @@ def chain_meeting_kernel(
         else:
             count = hand_equilibrium(scene, which, hands, own, base, build, command, state, i,
                                      LINK_SAMPLES, meetings, count, frictions)
+        met = int(touched)
         for a in range(count):
             if meetings[i, a].depth > ZERO:
-                for f in range(fingers):
-                    if (stopped & (1 << f)) == 0 and (
-                            meetings[i, a].one == f or meetings[i, a].two == f):
-                        touched = touched | (1 << f)
+                met = met | (fingers_met(meetings[i, a]) & ~stopped)
+        surely = _hangs_on_commands(hands, own, state, meetings, i, count, stopped)
+        share = _shares()  # of the threshold
+        reading = _shares()
+        most = real(0.0)
+        for f in range(fingers):
+            if (met & ~stopped & (1 << f)) != 0:
+                hand = hands[own, f]
+                drawn = guard_reading(
+                    sensors[own_sensor, f], hand.drives,
+                    guarded_torque(hand, believed[0, f], base, command[f], state[i, f].q),
+                    tip_force(hand, state[i, f]),
+                    path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
+                    counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
+                share[f] = drawn[0]
+                reading[f] = drawn[1]
+                most = wp.max(most, drawn[0])
+        if gone > 1 and (most > _SURE or not surely):
+            # A step that was left out may have stopped a finger, or pressed it: they are taken.
+            s -= gone - 1
+            gone = int(1)
+            continue
+        touched = int(met)
         for f in range(fingers):
             if (stopped & (1 << f)) == 0:
                 hand = hands[own, f]
@@ -196,15 +264,8 @@ def chain_meeting_kernel(
                 # What nothing has touched stops where it did alone: this equilibrium differs in
                 # its last digits, which may decide a reading at the threshold.
                 stops = felt[w, p, g, f].status == _CONTACT and s >= felt[w, p, g, f].step
-                reading = real(0.0)
                 if (touched & (1 << f)) != 0:
-                    drawn = guard_reading(
-                        sensors[own_sensor, f], hand.drives,
-                        guarded_torque(hand, believed[0, f], base, at, rest.q),
-                        tip_force(hand, rest), path[g, f, s] - path[g, f, wp.max(s - 1, 0)],
-                        counter_key(counter_key(counter_key(stream, f), _TENSION_STEP), s))
-                    stops = drawn[0] > ONE
-                    reading = drawn[1]
+                    stops = share[f] > ONE
                 if stops:
                     stopped = stopped | (1 << f)
                 if (touched & (1 << f)) != 0:
@@ -223,7 +284,7 @@ def chain_meeting_kernel(
                         truth[w, p, g, f].link = 0
                         felt[w, p, g, f].status = _CONTACT
                         felt[w, p, g, f].step = s
-                        felt[w, p, g, f].reading = reading
+                        felt[w, p, g, f].reading = reading[f]
                     for a in range(count):
                         if meetings[i, a].one == f or meetings[i, a].two == f:
                             truth[w, p, g, f].self_depth = wp.max(
@@ -233,10 +294,18 @@ def chain_meeting_kernel(
                 truth[w, p, g, f].rest = state[i, f].q
         if stopped == (1 << fingers) - 1:
             break
-        s += 1
-        if (touched & ~stopped) == 0 and s <= last:
+        steps = int(1)
+        if surely and most < _SURE:
+            steps = wp.min(wp.max(last - s, 1), _steps_at_once(
+                felt, truth, w, p, g, ((1 << fingers) - 1) & ~stopped & ~touched, s, gone, most,
+                most_before))
+        if (touched & ~stopped) == 0 and s < last:
             # Those that go on have met nothing: each goes on alone until links are near again.
-            ahead = first_near(hands, base, path, come, build, felt, truth, w, p, g, i, s, last)
-            if ahead > s:
-                s = ahead
+            steps = int(1)
+            ahead = first_near(hands, base, path, come, build, felt, truth, w, p, g, i, s + 1, last)
+            if ahead > s + 1:
+                steps = ahead - s
                 fresh = int(1)
+        gone = wp.where(fresh == 1, 1, steps)
+        most_before = real(most)
+        s += steps

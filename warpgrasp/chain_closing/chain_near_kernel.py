@@ -8,8 +8,16 @@ never do. The others are looked at together, as seldom as the motion of their ca
 
 import warp as wp
 
-from warpgrasp.chain.chain_kernel import Chain, past_stops, turned_by_weight, vec6
+from warpgrasp.chain.chain_kernel import (
+    Chain,
+    ChainCapsule,
+    ChainJoint,
+    past_stops,
+    turned_by_weight,
+    vec6,
+)
 from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow, hand_from_body
+from warpgrasp.chain_closing.near_lanes import near_in_lanes
 from warpgrasp.core.dtypes import HALF, ZERO, lesser, real, transform, vec3, vec4
 from warpgrasp.finger.path_record import true_command
 from warpgrasp.geometry.segment_pair import segment_pair
@@ -88,6 +96,7 @@ def first_near(
     left out.
     """
     fingers = hands.shape[1]
+    own = w % hands.shape[0]
     # Two fingers may be off their ways by no more than the two that are most.
     most = real(0.0)
     second = real(0.0)
@@ -96,7 +105,7 @@ def first_near(
         if truth[w, p, g, f].touched >= 0:
             stray += truth[w, p, g, f].strayed
         if truth[w, p, g, f].met == 1:
-            hand = hands[w % hands.shape[0], f]
+            hand = hands[own, f]
             stray += off_command(hand, true_command(hand, path, g, f, felt[w, p, g, f].step)
                                  - truth[w, p, g, f].q)
         second = wp.max(second, wp.min(most, stray))
@@ -108,6 +117,12 @@ def first_near(
         looked = looked | (1 << pair.one)
         if pair.two >= 0:
             looked = looked | (1 << pair.two)
+    if build.has_lanes:
+        return near_in_lanes(
+            hands, own, wp.array(ptr=hands[own, 0].joints, shape=(1,), dtype=ChainJoint),
+            wp.array(ptr=hands[own, 0].capsules, shape=(1,), dtype=ChainCapsule), base, path, come,
+            build.palm, build.pairs, build.order, build.world, count, looked, felt, truth, w, p, g,
+            begin, last)
     sag = hand_angles()
     s = int(begin)
     seen = begin - 1  # the step looked at before
@@ -120,7 +135,7 @@ def first_near(
                 continue
             row = felt[w, p, g, f]
             true = truth[w, p, g, f]
-            hand = hands[w % hands.shape[0], f]
+            hand = hands[own, f]
             off[f] = _stray(row, true, s)
             if row.step > seen:
                 moving = moving | (1 << f)
@@ -159,6 +174,7 @@ def first_near(
 @wp.kernel(enable_backward=False, module="warpgrasp.chain_closing.chain_closing_kernels")
 def chain_near_kernel(
     first: int,
+    has_lanes: wp.bool,
     # Robot:
     hands: wp.array2d[Chain],
     palm: wp.array2d[vec3],
@@ -187,6 +203,7 @@ def chain_near_kernel(
     last = command_count[place[i][2]] - 1
     base = hand_from_body(body_pose, hand_pose, w, place[i][1])
     build = ChainBuild()
+    build.has_lanes = has_lanes
     build.palm = palm
     build.palm_balls = palm_balls
     build.pairs = pairs

@@ -12,12 +12,6 @@ _MOST_SAG = 0.5
 """Radians that weight may turn joints by for a radian of the others; more is refused."""
 
 
-def padded(q: np.ndarray) -> np.ndarray:
-    """Angles of drives (..., width) with zeros up to six, contiguous."""
-    return np.ascontiguousarray(np.pad(q, [*[(0, 0)] * (q.ndim - 1), (0, JOINTS - q.shape[-1])]),
-                                np.float64)
-
-
 def no_chain_errors(hand: ChainHand) -> Calibration:
     """The hand that is believed."""
     return no_errors(hand.fingers, JOINTS, JOINTS)

@@ -6,11 +6,11 @@ As `closing.self_contact`: by whether pressing on links that the robot believes 
 import numpy as np
 import warp as wp
 
-from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, padded, true_chains
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain_closing.chain_closing_kernels import chain_press_kernel
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
-from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.self_contact import MISFIT, doubt_of
 from warpgrasp.core.dtypes import real, transform

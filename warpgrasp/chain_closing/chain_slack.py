@@ -28,11 +28,10 @@ from warpgrasp.parameters import ContactTable, HandTable
 
 def pair_slack(
     hand: ChainHand, table: HandTable, contact: ContactTable, errors: Calibration,
-    commands_rad: np.ndarray, come: wp.array, palm: wp.array, pairs: wp.array, device: str
+    commands_rad: np.ndarray, gap: np.ndarray, pairs: wp.array, device: str
 ) -> tuple[wp.array, wp.array]:
     """The pairs in the order of their slack, and that slack [m], (world or 1, grasp, pair): see
-    `ChainBuild`. `come` is as `come_bounds`, of commands (grasp, finger, step, width)."""
-    gap = path_gaps(hand, commands_rad, come, palm, pairs, device)
+    `ChainBuild`. `gap` is as `path_gaps`, of commands (grasp, finger, step, width)."""
     off = farthest_off(hand, table, contact, errors, commands_rad)
     rows: Any = pairs.numpy()
     slack = gap[None] - off[:, :, rows["one"], rows["capsule"]]
@@ -48,7 +47,7 @@ def path_gaps(
     device: str
 ) -> np.ndarray:
     """The least distance of the skins of each pair on the way of the hand that is believed [m],
-    (grasp, pair)."""
+    (grasp, pair). `come` is as `come_bounds`."""
     grasps, _, steps, _ = commands_rad.shape
     ends = np.zeros((grasps, hand.fingers, CAPSULES, steps, 2, 3))
     for f, own in enumerate(hand.capsules):

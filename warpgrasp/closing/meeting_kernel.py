@@ -147,7 +147,7 @@ def meeting_kernel(
                 q[f] = rest.q
             if hands[own, 0].friction > ZERO:
                 count = hand_balance(scene, which, hands, own, pose, build, command, q,
-                                     state, i, 0, 0, samples, 0, meetings, grips)
+                                     state, i, 0, 0, samples, 0, meetings, 0, grips)
                 for f in range(4):
                     grips[i, f] = grips[i, 4 + f]
             else:

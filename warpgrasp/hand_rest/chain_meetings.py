@@ -87,6 +87,7 @@ class ChainBuild:
     upwards there.
     """
 
+    has_lanes: wp.bool
     palm: wp.array2d[vec3]
     palm_balls: wp.array[vec4]
     pairs: wp.array[CapsulePair]

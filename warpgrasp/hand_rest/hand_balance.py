@@ -14,7 +14,7 @@ from warpgrasp.finger.chain_energy import largest_magnitude
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.hand_rest.far_balance import far_balance
 from warpgrasp.hand_rest.hand_equilibrium import largest_step, newton_step, stands
-from warpgrasp.hand_rest.meetings import base_of, find_meetings, takes_part
+from warpgrasp.hand_rest.meetings import base_of, find_meetings, fingers_met, takes_part
 from warpgrasp.rubbing.balance import finger_balance
 
 _ITERATIONS = wp.constant(16)
@@ -42,14 +42,19 @@ def hand_balance(
     scene: Scene, body: int, hands: Any, own: int, pose: transform, build: Any,
     command: Any, q: Any, state: Any, i: int, slot: int,
     last: int, samples: int, begins: int, meetings: Any,
-    grips: Any
+    noted: int, grips: Any
 ):
     """Balances of the fingers at joints `q` (a row each), into row `i` of `state` from `slot` on,
     with their grips in the second half of row `i` of `grips`, whose first half are those the step
-    began with; returns the number of meetings. The states from `last` on are of joints near by.
+    began with; returns the number of meetings. The states from `last` on are of joints near by,
+    with `noted` meetings: what one of them holds does not go its own step.
     Fingers that take no part are left out; the state of one that stands still is kept.
     """
     fingers = hands.shape[1]
+    held = int(0)
+    for a in range(noted):
+        if meetings[i, a].depth > ZERO:
+            held = held | fingers_met(meetings[i, a])
     for f in range(fingers):
         if not takes_part(build, f):
             continue
@@ -63,7 +68,9 @@ def hand_balance(
                 continue
             at = finger_balance(scene, body, hand, base, command[f], q[f], state[i, last + f],
                                 grips[i, f], grips[i, fingers + f], samples, begins)
-            state[i, slot + f] = _expect(at)
+            state[i, slot + f] = at.rest
+            if (held & (1 << f)) == 0:
+                state[i, slot + f] = _expect(at)
             grips[i, fingers + f] = at.grip
     return find_meetings(hands, own, build, q, meetings, i)
 
@@ -112,7 +119,7 @@ def balanced_hand(
         longest = real(long)
         count = hand_balance(scene, body, hands, own, pose, build, command, q, state, i,
                              fingers - slot, slot, wp.where(iteration == 0, samples, 0),
-                             int(iteration == 0), meetings, grips)
+                             int(iteration == 0), meetings, count, grips)
         slot = fingers - slot
     if settled == 0:
         return -1

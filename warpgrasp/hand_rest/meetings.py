@@ -1,6 +1,8 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
 """Where links of a Utah-MIT hand touch one another or the palm, or are near."""
 
+from typing import Any
+
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ZERO, mat44, real, struct, transform, vec4
@@ -60,6 +62,14 @@ def in_pairs(pairs: int, finger: int):
     for one in range(finger):
         mine = mine | (pairs & pair_bit(one, finger))
     return mine != 0
+
+
+@wp.func
+def fingers_met(met: Any):
+    """A bit for each finger of a meeting."""
+    if met.two == PALM:
+        return 1 << met.one
+    return (1 << met.one) | (1 << met.two)
 
 
 @wp.func

@@ -14,11 +14,11 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.arms.arm_model import ArmModel
-from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, chain_rows, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, chain_rows, padded, true_chains
 from warpgrasp.chain.chain_kernel import vec6
+from warpgrasp.chain.chain_move import palm_bars
 from warpgrasp.chain.chain_pads import own_pads, pad_places
-from warpgrasp.chain_closing.chain_move import palm_bars
-from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, launch

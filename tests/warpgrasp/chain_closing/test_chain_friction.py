@@ -9,9 +9,9 @@ from chain_closings import ALONE, TABLE, close, poses_above, utah_mit_twice
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
-from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, true_chains
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, padded, true_chains
 from warpgrasp.chain.chain_kernel import Chain, vec6
-from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.finger.chain_energy import largest_magnitude

@@ -8,10 +8,10 @@ import warp as wp
 from chain_closings import ALONE, TABLE
 
 from strategies.poses.chain_paths import chain_commands
-from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, true_chains
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, padded, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, Chain, ChainPose, vec6
 from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
-from warpgrasp.chain_closing.chain_path import no_chain_errors, padded
+from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.struct_array import Records

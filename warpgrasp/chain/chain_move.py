@@ -4,9 +4,8 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.chain.chain_clearance_kernel import chain_clearance_kernel
-from warpgrasp.chain.chain_hand import ChainHand, true_chains
+from warpgrasp.chain.chain_hand import ChainHand, padded, true_chains
 from warpgrasp.chain.chain_kernel import ChainBar, vec6
-from warpgrasp.chain_closing.chain_path import padded
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.mechanism.arm_motion import Clearance, ClearanceKernel
 from warpgrasp.mechanism.calibration import Calibration
