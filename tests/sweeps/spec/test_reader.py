@@ -1,3 +1,4 @@
+import re
 from dataclasses import fields, replace
 from math import copysign, degrees, isclose, radians
 from pathlib import Path
@@ -12,10 +13,12 @@ from hypothesis import strategies as st
 from studies import SMALL, write_spec
 
 from strategies.poses.waypoints import WAYPOINT_KINDS, Ring, Top
+from strategies.strategy import Strategy
 from sweeps.run.plan import canonical_body
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.errors import Problems, SpecError
-from sweeps.spec.reader import read_spec, spec_text
+from sweeps.spec.reader import TOP, read_spec, spec_text
+from sweeps.spec.strategies import KEYS
 from sweeps.spec.study import Study
 from sweeps.spec.template import spec_template
 from sweeps.spec.units import spec_fields
@@ -390,6 +393,8 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
     for table in (*SECTIONS.values(), *WAYPOINT_KINDS.values()):
         for name in spec_fields(table):
             assert f"{name} = " in text
+    for name in {*TOP, *KEYS, *spec_fields(Strategy)}:
+        assert re.search(rf"\b{name} = |\[{name}[].]", text), name
     uncommented = "\n".join(line.removeprefix("# ") if "_" in line.split("=")[0] and "..." not in
                             line and "{" not in line and "[object]" not in line and "=" in line
                             and line.startswith("# ") and '"' not in line.split("=")[0]
