@@ -27,6 +27,15 @@ def test_doctor_finds_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert rows["python"]["verdict"] == rows["devices"]["verdict"] == "ok"
     assert "cpu" in rows["devices"]["value"]
     assert rows["jaxopt"]["value"] == "0.8.5"
+    assert "yourdfpy (optional)" in rows
+
+
+def test_doctor_looks_where_kernels_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path))
+    assert cli.run(["doctor", "--no-test", "--json"]) == 0
+    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["compiled kernels"]["value"] == f"{tmp_path} (0 MB)"
 
 
 def test_doctor_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
