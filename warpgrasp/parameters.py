@@ -39,8 +39,8 @@ class ArmTable:
     """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref].
 
     Or another arm, by its `kind`, which has joints of its own: of this table then count encoder
-    step, repeatability, the time of a guarded step and the speed of finger strokes. Or none: a wrist that floats within a box, where every pose is
-    reachable.
+    step, repeatability, the time of a guarded step and the speed of finger strokes. Or none: a
+    wrist that floats within a box, where every pose is reachable.
     """
 
     kind: str = field(default=PUMA560, metadata={
