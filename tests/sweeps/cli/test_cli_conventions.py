@@ -63,6 +63,8 @@ def test_help_and_completion_know_every_kind() -> None:
     ("table DIR objects --against best", "--against: says nothing of objects; is for pairs, same-"),
     ("table DIR curves --metric iou", "--metric: says nothing of curves"),
     ("table DIR confusion --over these", "--over: says nothing of confusion"),
+    ("table DIR objects --over these", "--over: says nothing of objects"),
+    ("table DIR pairs --over these", "--over: says nothing of pairs"),
     ("figure DIR forest -o f.svg --strategy sx", "--strategy: says nothing of forest; is for con"),
     ("figure DIR forest -o f.svg --episode 0", "--episode: says nothing of forest"),
     ("figure DIR curves-time -o f.svg --metric iou", "--metric: says nothing of curves-time"),
