@@ -12,12 +12,21 @@ import runpy
 import shlex
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 import run_docs
 from doc_blocks import ROOT, Block, blocks, commands, pages
+
+from strategies.poses.closing_paths import CLOSING_PATHS
+from strategies.poses.waypoints import WAYPOINT_KINDS
+from sweeps.analysis.entries import METRICS
+from sweeps.report.episode_files import OTHERS
+from sweeps.spec.units import spec_fields
+from warpgrasp.geometry.scene import Join
+from warpgrasp.objects.catalogue import _COMPOUND_KEYS
 
 LIGHT = {"objects", "hands", "hand", "strategies", "init", "check", "sweep", "status",
          "leaderboard", "table", "rows", "compare", "figure", "export", "completion"}
@@ -50,6 +59,16 @@ def test_every_kind_of_table_and_figure_is_told() -> None:
     assert f"and {NUMBERS[len(figures.KINDS) - 1]} kinds more" in readme
     assert (f"`table` with {NUMBERS[len(tables.KINDS)]} kinds, `figure` with "
             f"{NUMBERS[len(figures.KINDS)]}") in changes
+
+
+@pytest.mark.parametrize(("page", "names"), [
+    ("strategies", lambda: [*CLOSING_PATHS, *WAYPOINT_KINDS, *(
+        key for table in WAYPOINT_KINDS.values() for key in spec_fields(table))]),
+    ("leaderboard", lambda: METRICS), ("first_hour", lambda: OTHERS),
+    ("objects", lambda: [*_COMPOUND_KEYS, *(join.name.lower() for join in Join)])])
+def test_what_users_write_and_read_is_told(page: str, names: Callable[[], list[str]]) -> None:
+    text = (ROOT / f"docs/{page}.md").read_text()
+    assert [name for name in names() if f"`{name}" not in text] == []
 
 
 def test_there_are_commands_and_blocks_to_check() -> None:

@@ -39,8 +39,8 @@ class ArmTable:
     """PUMA 560, standard Denavit-Hartenberg parameters (robotics-toolbox-python) [ref].
 
     Or another arm, by its `kind`, which has joints of its own: of this table then count encoder
-    step and repeatability. Or none: a wrist that floats within a box, where every pose is
-    reachable.
+    step, repeatability, the time of a guarded step and the speed of finger strokes. Or none: a
+    wrist that floats within a box, where every pose is reachable.
     """
 
     kind: str = field(default=PUMA560, metadata={
@@ -77,7 +77,7 @@ class HandTable:
     """Utah-MIT hand: four identical fingers of four joints, thumb opposite three [paper].
 
     Link lengths are estimates bracketed by GraspIt!'s human hand and the Allegro hand. Or another
-    hand, by its `kind`: of this table then count mount, stops, density and skin.
+    hand, by its `kind`: of this table then count mount, palm thickness, stops, density and skin.
     """
 
     kind: str = field(default=UTAH_MIT, metadata={

@@ -26,7 +26,8 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
     object_
         A name (`warpgrasp objects`) or a mesh file, then with its units.
     strategy
-        A name (`warpgrasp strategies`); any-object, for objects of any shape, if none is given.
+        A name (`warpgrasp strategies`), or a planner of yours, as mine.py:next_best (with 96
+        touches); any-object, for objects of any shape, if none is given.
     out
         The directory to write to.
     units

@@ -49,7 +49,8 @@ def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")]
         For pairs and same-time: compare with one strategy only; best is the leaderboard's first.
     over
         What intervals are of: like-these (other objects like these, the default where there are
-        several) or these (these objects, with other episodes). The table pairs has both.
+        several) or these (these objects, with other episodes). The table pairs has both; those of
+        objects are of each by itself.
     json
         Print JSON.
     """
@@ -59,7 +60,8 @@ def table(words: Annotated[list[TableKind | str], Parameter(name="DIR... KIND")]
     refuse_idle(kind, {
         "--metric": (metric, ("pairs", "objects", "pareto", "settings")),
         "--against": (against, ("pairs", "same-time")),
-        "--over": (over, [name for name in tables.KINDS if name != "confusion"])})
+        "--over": (over, [name for name in tables.KINDS
+                          if name not in ("pairs", "objects", "beside", "confusion")])})
     return tables.table(folders, kind, out, metric=metric or METRIC, against=against, over=over,
                         as_json=json)
 

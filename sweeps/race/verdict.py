@@ -129,7 +129,7 @@ def summary(found: Verdict) -> dict[str, str]:
         found.metric: number_text(sign * found.means[last.leader], 4 if sign < 0 else 3),
         "tied": f"{tied:,} not known to be worse, {worse:,} worse",
         "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
-        "episodes": f"{taken:,} in {last.number} rungs",
+        "episodes": f"{taken:,} in {last.number} rung{'s' * (last.number > 1)}",
         "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; reckoned)",
     }
 

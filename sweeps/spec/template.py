@@ -6,8 +6,9 @@ from typing import Any
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.waypoints import WAYPOINT_KINDS
 from strategies.ready_made import DEFAULT, STRATEGIES
-from strategies.strategy import PROCEDURES
+from strategies.strategy import PROCEDURES, Strategy
 from sweeps.spec.cell import SECTIONS
+from sweeps.spec.strategies import NUMBERS
 from sweeps.spec.units import SpecField, spec_fields
 
 HEAD = """\
@@ -32,6 +33,7 @@ name = "DEFAULT"                      # for objects of any shape; slower than ri
 name = "my-ring"
 waypoints = { kind = "ring", count = 8, tilt_deg = 70 }   # or a list of such tables
 """
+_OF_STRATEGY = spec_fields(Strategy)
 SET = {"fit": {"reconstruct": "chosen"}}
 """Keys that the template sets, as `explore` does: what suits objects of any shape."""
 SWEEP = """\
@@ -54,6 +56,10 @@ def spec_template() -> str:
     lines = [HEAD.replace("DEFAULT", DEFAULT),
              f"# closings = {_toml(tuple(CLOSING_PATHS))}  # choose among these",
              f"# order = {_toml(tuple(PROCEDURES))}",
+             *_keys((_OF_STRATEGY[name] for name in NUMBERS), {}),
+             "# budget = { touches = 96, robot_time_s = 120, volume_ratio = 3 }  # whichever is "
+             "spent first; if not given none, and touches = 96 of planners that ship",
+             '# strategy = "mine.py:next_best"  # a planner, in place of waypoints and order',
              f"# Ready-made: {', '.join(STRATEGIES)}", "# Keys of each kind of waypoints:"]
     for kind, table in WAYPOINT_KINDS.items():
         keys = ", ".join(f"{name} = {_toml(field.spec_default)}"

@@ -13,7 +13,7 @@ from sweeps.run.environment import PACKAGES, describe_environment
 from sweeps.text_table import print_table
 from warpgrasp.core.cache_file import cache_root
 
-EXTRAS = ("ray", "viser", "gymnasium", "optuna", "mujoco", "pandas")
+OPTIONAL = ("ray", "viser", "yourdfpy", "gymnasium", "optuna", "mujoco", "pandas")
 Row = tuple[str, str, str]  # what, value, "ok" or what to do
 
 
@@ -36,15 +36,16 @@ def _versions() -> Iterator[Row]:
     for name in PACKAGES:
         value = found[f"version.{name}"]
         yield name, str(value), "ok" if value else f"missing: pip install {name}"
-    for name in EXTRAS:
+    for name in OPTIONAL:
         try:
-            yield f"{name} (extra)", version(name), "ok"
+            yield f"{name} (optional)", version(name), "ok"
         except PackageNotFoundError:
-            yield f"{name} (extra)", "not installed", ""
+            yield f"{name} (optional)", "not installed", ""
 
 
 def _places() -> Iterator[Row]:
-    kernels = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warp"
+    kernels = Path(os.environ.get("WARP_CACHE_PATH") or Path(
+        os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warp")
     for label, path in (("compiled fits, baked meshes", cache_root()),
                         ("compiled kernels", kernels)):
         size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())

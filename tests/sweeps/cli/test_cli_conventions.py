@@ -28,6 +28,15 @@ def test_doctor_finds_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
     assert rows["python"]["verdict"] == rows["devices"]["verdict"] == "ok"
     assert "cpu" in rows["devices"]["value"]
     assert rows["jaxopt"]["value"] == "0.8.5"
+    assert "yourdfpy (optional)" in rows
+
+
+def test_doctor_looks_where_kernels_are_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path))
+    assert cli.run(["doctor", "--no-test", "--json"]) == 0
+    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["compiled kernels"]["value"] == f"{tmp_path} (0 MB)"
 
 
 def test_doctor_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
@@ -55,6 +64,8 @@ def test_help_and_completion_know_every_kind() -> None:
     ("table DIR objects --against best", "--against: says nothing of objects; is for pairs, same-"),
     ("table DIR curves --metric iou", "--metric: says nothing of curves"),
     ("table DIR confusion --over these", "--over: says nothing of confusion"),
+    ("table DIR objects --over these", "--over: says nothing of objects"),
+    ("table DIR pairs --over these", "--over: says nothing of pairs"),
     ("figure DIR forest -o f.svg --strategy sx", "--strategy: says nothing of forest; is for con"),
     ("figure DIR forest -o f.svg --episode 0", "--episode: says nothing of forest"),
     ("figure DIR curves-time -o f.svg --metric iou", "--metric: says nothing of curves-time"),

@@ -7,7 +7,7 @@ from drawn_text import looks_right, texts
 from sweeps.figures.style import encode
 from sweeps.race.elimination import Race, Rules
 from sweeps.race.picture import draw_race
-from sweeps.race.verdict import Verdict, claim, equal_replicates, race_table
+from sweeps.race.verdict import Verdict, claim, equal_replicates, race_table, summary
 
 
 def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
@@ -53,6 +53,12 @@ def test_ticks_of_a_small_race_are_its_rungs() -> None:
         assert "log scale" in axes.get_ylabel()
     assert "log scale" in lower.get_xlabel()
     assert "chamfer distance [mm]" in lower.get_ylabel()
+
+
+def test_one_rung_is_one() -> None:
+    found = verdict(2, Rules(9.0))
+    assert len(found.looks) == 1
+    assert summary(found)["episodes"].endswith(" in 1 rung")
 
 
 def test_a_table_ranks_by_the_difference_to_the_winner() -> None:

@@ -1,5 +1,6 @@
 """A spec as a study: defaults, overrides, the template, the text that a study keeps."""
 
+import re
 from dataclasses import fields, replace
 from math import radians
 from pathlib import Path
@@ -9,8 +10,10 @@ import pytest
 from studies import SMALL, read, refusals, write_spec
 
 from strategies.poses.waypoints import WAYPOINT_KINDS, Ring
+from strategies.strategy import Strategy
 from sweeps.spec.cell import SECTIONS
-from sweeps.spec.reader import read_spec, spec_text
+from sweeps.spec.reader import TOP, read_spec, spec_text
+from sweeps.spec.strategies import KEYS
 from sweeps.spec.template import spec_template
 from sweeps.spec.units import spec_fields
 
@@ -56,6 +59,8 @@ def test_the_template_is_a_spec_that_names_every_key(tmp_path: Path) -> None:
     for table in (*SECTIONS.values(), *WAYPOINT_KINDS.values()):
         for name in spec_fields(table):
             assert f"{name} = " in text
+    for name in {*TOP, *KEYS, *spec_fields(Strategy)}:
+        assert re.search(rf"\b{name} = |\[{name}[].]", text), name
     uncommented = "\n".join(line.removeprefix("# ") if "_" in line.split("=")[0] and "..." not in
                             line and "{" not in line and "[object]" not in line and "=" in line
                             and line.startswith("# ") and '"' not in line.split("=")[0]
