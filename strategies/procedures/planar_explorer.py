@@ -23,7 +23,6 @@ from strategies.procedures.planar_record import DIRECTIONS, PlanarExploration, P
 from strategies.procedures.possible import extended_of
 from strategies.procedures.touches import EndReason, TouchLog
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
-from warpgrasp.mechanism.touch_postures import ExtendedFinger
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
 from warpgrasp.touch.line_touch import LineTouch, Until
