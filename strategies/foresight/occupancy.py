@@ -40,6 +40,9 @@ AT_RIM, AT_AXIS = 0.03, 0.80
 """Probability of an object at the prior's rim and at its axis [est]."""
 SURE = 0.97
 """Of a touch: what is met more surely is not passed."""
+PLACES = 60
+"""So many places of the open hand and its way in bar it each by itself, however many balls stand
+for them: beliefs of neighbours go together [est]."""
 ON_TABLE_M = 0.0005
 """Links that close are not stopped by the table before."""
 _SHAPES = {"corner": "world", "cell": "world", "contact": "world contact", "normal":
@@ -56,7 +59,8 @@ class Prospect:
     """What poses are expected to bring. Shapes start with (world, pose)."""
 
     barred: np.ndarray
-    """Probability that the open hand strikes something."""
+    """Probability that the open hand strikes something. Gains do not fall with it: a pose that is
+    barred costs no touch, and tells where the object is."""
     gain: np.ndarray
     """Expected worth of each finger's touch, from 0 to 1, (..., finger)."""
     place_m: np.ndarray
@@ -117,6 +121,7 @@ class Occupancy:
         looks = Looks()
         looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
         looks.lowest, looks.sure = lowest_m, SURE
+        looks.share = min(PLACES / len(open_m), 1.0)
         self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)},
                      ("barred", "gain", "place"), looks=looks, closely=closely,
                      open_ball=open_m, swept_ball=swept.balls_m, feels=swept.feels, met=swept.met,

@@ -31,6 +31,9 @@ class Looks:
     """Below it touches are taken for the table's."""
     sure: real
     """Probability above which what is met is not passed."""
+    share: real
+    """How much of a place that bars the hand by itself a ball of the open hand is."""
+
 
 @wp.kernel(enable_backward=False)
 def looked_up_kernel(
@@ -42,10 +45,8 @@ def looked_up_kernel(
     chance: wp.array2d[wp.float32],
     value: wp.array2d[wp.float32],
 ):
-    """How often a cell to which a hand is sent stops it: the square of what is believed. Poses are
-    picked for what is left to find, and there beliefs are too high: of fingers sent to cells
-    believed at 0.35, 0.55 and 0.85 about 0.2, 0.5 and 0.9 felt something [est]. And what touches
-    are worth. Both within the border, which starts as zeros."""
+    """What is believed of a cell, and what touches there are worth; both within the border, which
+    starts as zeros."""
     w = wp.tid() + first
     for i in range(n[0]):
         for j in range(n[1]):
@@ -53,8 +54,7 @@ def looked_up_kernel(
             row = (i + BORDER) * (n[1] + _ON_BOTH_SIDES) + j + BORDER
             to = row * (n[2] + _ON_BOTH_SIDES) + BORDER
             for k in range(n[2]):
-                p = wp.min(hit[w, at + k], cap[w, at + k])
-                chance[w, to + k] = p * p
+                chance[w, to + k] = wp.min(hit[w, at + k], cap[w, at + k])
                 value[w, to + k] = worth[w, at + k]
 
 
@@ -121,19 +121,26 @@ _FORESEE = """
     };
 
     // The open hand: whether it is where something may be.
-    v start = zero;
+    v most = zero, free = one;
     for (int b = 0; b < open_ball.shape[0]; ++b) {
         const wp::vec3d& ball = open_ball.data[b];
         const v z = along(2, ball);
         const v now = held(chances, number(along(0, ball), along(1, ball), z));
         open &= z >= floor;
-        start = now > start ? now : start;
+        most = now > most ? now : most;
+        free *= one - now;
     }
+    const v start = most * most;
     open &= start <= sure;
-    for (int l = 0; l < lanes; ++l)
-        barred.data[row + l] = open[l] ? start[l] : 1.0;
+    for (int l = 0; l < lanes; ++l) {
+        const double met = 1.0 - wp::pow(free[l], looks.share);
+        barred.data[row + l] = open[l] ? (met > most[l] ? met : most[l]) : 1.0;
+    }
 
-    // The fingers: how far each goes, and what it touches.
+    // The fingers: how far each goes, and what it touches. A cell to which one is sent stops it by
+    // the square of what is believed: poses are picked for what is left to find, and there beliefs
+    // are too high. Of fingers sent to cells believed at 0.35, 0.55 and 0.85 about 0.2, 0.5 and 0.9
+    // felt something [est].
     struct Walk {
         v most, gain, best, x, y, z;
         m going;
@@ -147,7 +154,7 @@ _FORESEE = """
                 const v x = along(0, *ball), y = along(1, *ball), z = along(2, *ball);
                 walk.going &= z >= table;
                 const c at = number(x, y, z);
-                const v now = held(chances, at);
+                const v belief = held(chances, at), now = belief * belief;
                 const m more = walk.going & (now > walk.most);
                 if (!__builtin_reduce_or(more))
                     continue;
@@ -227,7 +234,8 @@ def foresee_kernel(
     place: wp.array3d[vec3],
 ):
     """The probability that a pose is barred, and for each finger the expected worth of its touch
-    and the likeliest place of it. Probabilities along a path are those of one uncertain surface:
+    and the likeliest place of it. The open hand is barred by any of its places, or by the likeliest
+    at least. Probabilities along a path are those of one uncertain surface:
     that a finger was stopped by then is the greatest of all cells met so far. From its place `met`
     on a finger is stopped by the hand itself, unless the finger that it `meets` there was `stopped`
     before."""

@@ -86,10 +86,10 @@ def test_a_pose_that_was_barred_is_foreseen_to_be_barred() -> None:
         return grid.foresee(samples.open_m, samples.swept[0], pose, wanted, worth, 0.0).barred[0]
 
     first = barred()
-    assert 0.05**2 < first[0] < 0.9**2
+    assert 0.05 < first[0] < 0.9
     assert first[1] == 0.0
     grid.learn_barred(samples.open_m, pose, np.array([[True, False]]))
-    assert barred()[0] == pytest.approx(0.75**2, abs=1e-6)  # beliefs count by their squares
+    assert 0.75 <= barred()[0] < 0.85  # as believed there, and a little by what else is met
 
 
 def test_what_bars_the_hand_where_nothing_was_believed_is_believed_after() -> None:
@@ -103,9 +103,9 @@ def test_what_bars_the_hand_where_nothing_was_believed_is_believed_after() -> No
         return grid.foresee(samples.open_m, samples.swept[0], pose, wanted, worth,
                             0.0).barred[0, 0]
 
-    assert barred() < 0.001
+    assert barred() < 0.05
     grid.learn_barred(samples.open_m, pose, wanted)
-    assert barred() > 0.25
+    assert barred() > 0.5
 
 
 def test_a_first_look_finds_what_a_close_one_does() -> None:

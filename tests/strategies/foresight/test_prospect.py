@@ -5,7 +5,7 @@ import pytest
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_samples import HandSamples, SweptFingers
-from strategies.foresight.occupancy import CELLS, ON_TABLE_M, SURE, Occupancy
+from strategies.foresight.occupancy import CELLS, ON_TABLE_M, PLACES, SURE, Occupancy
 from strategies.foresight.prospect_kernel import MOST_FINGERS
 
 RADIUS_M, LOWEST_M, CELL_M = 0.008, 0.02, 0.005
@@ -19,7 +19,8 @@ def hand(draw: np.random.Generator) -> HandSamples:
     balls = way + draw.normal(0.0, 0.02, (3, 1, 4, 3)) + [0.0, 0.0, 0.08]
     swept = SweptFingers(balls, draw.random((3, 4)) < 0.8, np.zeros((3, 7, 1)),
                          np.array([4, 3, 7]), np.array([1, 0, -1]))
-    return HandSamples(draw.normal([0.0, 0.0, 0.05], 0.03, (11, 3)), RADIUS_M, (swept,))
+    balls = np.repeat(draw.normal([0.0, 0.0, 0.05], 0.03, (11, 3)), 9, axis=0)
+    return HandSamples(balls, RADIUS_M, (swept,))
 
 
 def scene() -> tuple[Occupancy, np.ndarray, np.ndarray, np.ndarray, HandSamples]:
@@ -57,7 +58,7 @@ def walked(grid: Occupancy, world: int, worth: np.ndarray, place_m: np.ndarray, 
                 return most, 1.0, touches
             at = cell_of(grid, world, ball)
             now = 0.0 if at is None else float(
-                np.minimum(grid.hit[world, at], grid.cap[world, at]) ** 2)
+                np.minimum(grid.hit[world, at], grid.cap[world, at])) ** 2
             if now > most:
                 if felt and ball[2] > LOWEST_M:
                     touches.append((share * (now - most) * float(worth[world, at]), ball))
@@ -69,17 +70,19 @@ def walked(grid: Occupancy, world: int, worth: np.ndarray, place_m: np.ndarray, 
 
 def expected(grid: Occupancy, samples: HandSamples, world: int, pose: np.ndarray,
              worth: np.ndarray) -> tuple[float, np.ndarray, np.ndarray]:
-    """Whether a pose is barred, and of each finger the gain and its likeliest place."""
+    """How likely a pose is barred, and of each finger the gain and its likeliest place."""
     swept = samples.swept[0]
     turn = matrix_of_quaternion(pose[3:])
     gain, place = np.zeros(3), np.zeros((3, 3))
-    start = 0.0
+    likeliest, free = 0.0, 1.0
     for ball in samples.open_m @ turn.T + pose[:3]:
         if ball[2] < RADIUS_M:
             return 1.0, gain, place
         at = cell_of(grid, world, ball)
         if at is not None:
-            start = max(start, float(np.minimum(grid.hit[world, at], grid.cap[world, at]) ** 2))
+            now = float(np.minimum(grid.hit[world, at], grid.cap[world, at]))
+            likeliest, free = max(likeliest, now), free * (1.0 - now)
+    start = likeliest**2
     if start > SURE:
         return 1.0, gain, place
     ways = swept.balls_m @ turn.T + pose[:3]
@@ -93,7 +96,7 @@ def expected(grid: Occupancy, samples: HandSamples, world: int, pose: np.ndarray
         gain[f] = sum(value for value, _ in touches)
         if gain[f] > 0.0:
             place[f] = max(touches, key=lambda touch: touch[0])[1]
-    return start, gain, place
+    return max(likeliest, 1.0 - free ** (PLACES / len(samples.open_m))), gain, place
 
 
 def test_what_is_foreseen_is_what_the_balls_meet_one_by_one() -> None:
