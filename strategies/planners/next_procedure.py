@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.fit_status import FitStatus
+from fit.fit_status import FitStatus, is_fitted
 from strategies.planners.probes import CrossFaces, FollowContour
 from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
@@ -119,10 +119,12 @@ def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:
 
 
 def sides_crossed(belief: Belief) -> tuple[np.ndarray, np.ndarray]:
-    """How many sides (not tops) were crossed in each world, and how many proved flat, (world,)."""
+    """How many sides (not tops) were crossed in each world, and how many proved flat, (world,).
+    Where touches contradict their plane, it is a side only if it is one by what they felt, too."""
     crossed, flat = np.zeros(belief.worlds, int), np.zeros(belief.worlds, int)
     for face in belief.faces:
-        side = (face.fit.status == FitStatus.converged) & (np.abs(face.normal[:, 2]) < _TOP)
+        side = is_fitted(face.fit.status) & (np.abs(face.normal[:, 2]) < _TOP)
+        side &= (face.fit.status == FitStatus.converged) | (np.abs(face.felt_normal[:, 2]) < _TOP)
         crossed += side
         flat += side & face.flat
     return crossed, flat

@@ -1,6 +1,6 @@
 """Results of explored faces: planes, whether they are flat, and angles between them."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,7 +31,10 @@ class Face:
     flat: np.ndarray
     """Whether the touches are those of one plane (see `planes_of`), (world,)."""
     fit: PlaneFit
-    """With extents, covariance and status; its normal may point inwards."""
+    """With extents, covariance and status, `not_converged` where the normals felt contradict the
+    plane; its normal may point inwards."""
+    felt_normal: np.ndarray
+    """Mean normal that the touches on the plane felt, (world, 3)."""
 
 
 def planes_of(exploration: PlanarExploration) -> Face:
@@ -39,7 +42,8 @@ def planes_of(exploration: PlanarExploration) -> Face:
 
     A face is called flat if the touches on the plane lie within `FLAT_M`, and no parabola along u
     or v bows by more than that; a touch past an edge, or of what lies below, takes no part. Of one
-    so narrow that the touches hardly tell how it is turned it cannot be said.
+    so narrow that the touches hardly tell how it is turned it cannot be said. A plane that stands
+    across the normals felt on it, as one through an edge and a lower surface may, is no face found.
     """
     worlds = len(exploration.reason)
     points, mask = exploration.touches.sets(worlds)
@@ -49,12 +53,28 @@ def planes_of(exploration: PlanarExploration) -> Face:
     rows, index = np.unique(like, return_inverse=True)
     part = fit_plane(points[rows], mask[rows])
     fit = rows_of(part, index)
+    felt_normal = _felt_normal(exploration, fit)
+    along = np.abs((felt_normal * fit.normal).sum(1))
+    against = felt_normal.any(1) & (along < np.cos(_FACING_RAD))
+    fit = replace(fit, status=np.where(against & (fit.status == FitStatus.converged),
+                                       FitStatus.not_converged, fit.status))
     outward = np.where((fit.normal * exploration.axes[:, 2]).sum(1) < 0, -1.0, 1.0)
     bow = _bow(exploration, rows)[index]
     wide = fit.extent_m.min(1) >= NARROWEST * fit.rms_m
     flat = ((fit.status == FitStatus.converged) & (fit.rms_m <= FLAT_M) & wide
             & (np.abs(bow) <= FLAT_M).all(1))
-    return Face(fit.normal * outward[:, None], fit.offset_m * outward, bow, flat, fit)
+    return Face(fit.normal * outward[:, None], fit.offset_m * outward, bow, flat, fit,
+                felt_normal)
+
+
+def _felt_normal(exploration: PlanarExploration, fit: PlaneFit) -> np.ndarray:
+    """Mean normal felt by the touches on each plane, of length 1; zeros where none, (world, 3)."""
+    table = exploration.touches
+    contact = np.asarray(np.isfinite(table.point_m).all(1))
+    normals = replace(table, point_m=np.nan_to_num(table.normal))  # in the slots of their points
+    felt, _ = normals.sets(len(fit.normal), contact)
+    mean = (fit.weight[..., None] * felt).sum(1)
+    return mean / np.maximum(np.linalg.norm(mean, axis=1, keepdims=True), 1e-12)
 
 
 def _bow(exploration: PlanarExploration, rows: np.ndarray) -> np.ndarray:

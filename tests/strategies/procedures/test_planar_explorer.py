@@ -2,15 +2,19 @@
 
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from fit.fit_status import FitStatus
+from strategies.planners.next_procedure import sides_crossed
 from strategies.procedures.planar_explorer import explore_plane
 from strategies.procedures.planar_faces import Face, angle_between, planes_of
 from strategies.procedures.planar_record import PlanarExploration, PlanarOptions
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
+from warpgrasp.core.random import counter_key
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, PadTable, SensorTable
 from warpgrasp.robot import Robot, Truth
@@ -150,6 +154,7 @@ def test_dead_pads_block_and_say_so() -> None:
     e = explore_plane(robot, *told_face(truth, "near"))
     assert (e.reason == EndReason.BLOCKED).all()
     assert "pads" in REASON_TEXT[EndReason.BLOCKED]
+    assert "another part of the hand" in REASON_TEXT[EndReason.BLOCKED]
     assert not np.isfinite(e.touches.point_m).any()
 
 
@@ -192,6 +197,26 @@ def test_a_cylinder_is_not_flat() -> None:
     point = truth.body_pose[:, :3] + [-0.035, 0, 0.06]
     e = explore_plane(robot, point, np.tile([-1.0, 0.0, 0.0], (10, 1)))
     assert not planes_of(e).flat.any()
+
+
+@pytest.mark.parametrize(("rise_mm", "off_deg"), [(5, 90.0), (10, 14.0)])
+def test_a_plane_that_stands_across_what_was_felt_is_no_face(rise_mm: int, off_deg: float) -> None:
+    """Touches of a line on the lower part of a step, and of the step: planes through both."""
+    step = body_from_table({"name": "step", "compound": [
+        {"shape": "block", "size_mm": [80, 80, 30]},
+        {"shape": "block", "size_mm": [40, 80, rise_mm], "at_mm": [20, 0, 30]}]}, Path())
+    robot = Robot([step], np.zeros(1, int), Truth(np.array([[0.45, 0, 0, 0, 0, 0, 1.0]])),
+                  counter_key(7, 0, np.arange(1)),
+                  replace(ArmTable(), repeatability_m=0.0, encoder_step_rad=0.0), HandTable(),
+                  replace(SensorTable(), joint_noise_rad=0.0), errors=ErrorTable.none(),
+                  pads=replace(PadTable(), gain_spread=0.0, repeatability=0.0, noise_counts=0.0))
+    start = np.array([[0.43 if rise_mm == 5 else 0.44, 0.0, 0.03]])
+    face = planes_of(explore_plane(robot, start, np.array([[0.0, 0.0, 1.0]])))
+    assert np.degrees(np.arccos(face.normal[0, 2])) == pytest.approx(off_deg, abs=3.0)
+    assert face.fit.status[0] == FitStatus.not_converged
+    assert not face.flat[0]
+    crossed, _ = sides_crossed(SimpleNamespace(worlds=1, faces=(face,)))  # pyright: ignore
+    assert crossed[0] == 0  # what was felt is a top
 
 
 def test_steps_are_as_long_as_asked() -> None:

@@ -84,7 +84,7 @@ def crossed(body: Superquadric, square: np.ndarray, yaw: np.ndarray, rng: Any) -
         fit = SimpleNamespace(n_points=np.full(n, 20), centre_m=centre,
                               status=np.full(n, FitStatus.converged))
         faces.append(Face(normal, (normal * centre).sum(1), np.zeros((n, 2)),
-                          square, fit))  # pyright: ignore
+                          square, fit, normal))  # pyright: ignore
     return tuple(faces)
 
 
