@@ -44,7 +44,8 @@ class ExpectedError(OneAtATime):
 
     def __init__(self, length_m: float = 0.03, per_second: bool = False) -> None:
         """`length_m`: over which distances what no superquadric explains is alike; `per_second`:
-        the gain is divided by the time that the pose will cost. Raises ValueError."""
+        the gain is divided by the time that the pose will cost, but for the first pose, when where
+        the hand comes from is not known. Raises ValueError."""
         super().__init__()
         self.length_m = real_option("length_m", length_m, 0.001, 1.0)
         if not isinstance(per_second, bool):

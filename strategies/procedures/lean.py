@@ -21,7 +21,8 @@ def choose_lean(
     """Hand poses touching `point` (n, 3), leaning so that the arm reaches, and whether it does.
 
     Preferred is a finger that points downwards at an upright face; among the leans that can be
-    reached over the most of a cross of 40 mm about the point, the one nearest to that.
+    reached over the most of a cross of 40 mm about the point, the one nearest to that. Whether the
+    hand's other parts would meet the object is not asked.
     """
     pose, usable, score = _lean_poses(robot, one, point, axes, stand_off_m, _LEANS[:1])
     # No other lean is better than the first one, where that reaches all of the cross.

@@ -33,7 +33,8 @@ class EndReason(IntEnum):
     TABLE = 5
     """The finger came down to the table."""
     BLOCKED = 6
-    """The hand was stopped several times running and no pad felt anything."""
+    """The hand was stopped several times running and no pad felt anything: something else of it may
+    have met the object."""
     UNREACHABLE = 7
     """The arm cannot go on within its reach and limits."""
     SPENT = 8
@@ -63,7 +64,8 @@ REASON_TEXT = {
     EndReason.BAD_START: "the start has a number that is not finite, a direction of length 0, or "
                          "an axis whose length is not above 0",
     EndReason.UNREACHABLE: "the arm cannot reach there",
-    EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead?",
+    EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead, or does "
+                       "another part of the hand meet the object?",
     EndReason.END_OF_OBJECT: "a finger found nothing: the object ends here",
 }
 """The message for a user about an ending."""

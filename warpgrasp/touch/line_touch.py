@@ -30,7 +30,8 @@ class LineTouch:
     tip_m: np.ndarray
     """Believed place of the fingertip's centre [m], (row, 3)."""
     hand_pose: np.ndarray
-    """Believed hand pose at the end, [m] and quaternion xyzw, (row, 7)."""
+    """Believed hand pose at the end, [m] and quaternion xyzw, (row, 7). Of a line whose start
+    the arm does not reach it is that start, not where the hand is."""
     q_rad: np.ndarray
     """Joint angles of the finger as read, of a chain its drives', (row, joint)."""
     taxel_peak: np.ndarray
