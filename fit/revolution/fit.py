@@ -94,7 +94,7 @@ def _fit_bucket(
     theta[..., 5] = local[..., 2] + half[..., 2]
     theta[..., 6:] = np.log(0.5 * (half[..., :1] + half[..., 1:2]))
     weight = sets.mask / np.sqrt(sets.count)[:, None]
-    plane = None
+    plane = np.zeros((n, 5))  # without weight: the same program with a table and without
     if sets.plane is not None:
         plane = np.concatenate([sets.plane, np.full((n, 1), options.plane_weight)], axis=1)
     lanes = FitData(np.moveaxis(sets.points, 2, 1).copy(), weight, rotation[:, 0],

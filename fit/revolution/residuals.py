@@ -27,8 +27,8 @@ class FitData(NamedTuple):
     rotation: Float[Tensor, "3 3"]
     """Frame of the start; its z is the axis."""
     loss_scale: Float[Tensor, ""]
-    plane: Float[Tensor, " 5"] | None
-    """Down direction (3), height of the table along it, weight of its residual."""
+    plane: Float[Tensor, " 5"]
+    """Down direction (3), height of the table along it, weight of its residual: 0 without one."""
     tilt_weight: Float[Tensor, ""]
     """Of the axis' slopes against the start's, as residuals."""
     middle: Float[Tensor, " 3"]
@@ -215,13 +215,11 @@ def _body_residuals(theta, data: FitData, options: RevolutionOptions) -> Float[A
     """Smoothing, table, monotonicity, and priors of tilt and middle."""
     foot, axis, height, radius = unpack(theta, data.rotation)
     bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
-    parts = [options.smoothing * bow]
-    if data.plane is not None:
-        down = data.plane[:3]
-        ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
-        rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
-        reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
-        parts.append(data.plane[4] * (reach - data.plane[3])[None])
+    down = data.plane[:3]
+    ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
+    rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
+    reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
+    parts = [options.smoothing * bow, data.plane[4] * (reach - data.plane[3])[None]]
     if options.monotone != "none":
         # Relative to the world's z; the contour follows the axis.
         rise = jnp.diff(radius) * jnp.sign(axis[2] + 1e-12)

@@ -124,10 +124,8 @@ def fit_explored(strategy: "Strategy", bends: bool) -> None:
             points, table_z=0.0, free_points=np.full((1, 1, 3), 0.3),
             free_radius=np.full((1, 1), 0.01), options=SuperquadricOptions(
                 taper=True, bend=bend, loss=FitTable.loss))  # pyright: ignore
-    if "contour" in strategy.order:
+    if {"contour", "decide"} & set(strategy.order):
         fit_revolution(points, options=OPTIONS)
-    if {"contour", "decide"} & set(strategy.order):  # a contour may end above the table
-        fit_revolution(points, table_z=0.0, options=OPTIONS)
 
 
 def _load(names: Sequence[str], device: str) -> None:
