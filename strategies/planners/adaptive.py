@@ -94,9 +94,9 @@ class OneAtATime(ABC):
             larger = np.where(closed == 0, self.larger_m + BARRED_M, np.where(
                 felt < POOR * closed, self.larger_m - EMPTY_M, FORGETS * self.larger_m))
             margin = belief.prior.margin_m
-            # An object that was never met may as well be elsewhere.
-            least = np.where(contacts > 0, margin, np.minimum(margin, EMPTY_M))
-            self.larger_m = np.clip(larger, -least, margin)
+            # One that was never met is looked for at all smaller sizes in turn.
+            larger = np.where((contacts == 0) & (self.larger_m <= -margin), 0.0, larger)
+            self.larger_m = np.clip(larger, -margin, margin)
         self._before = belief.touches.copy(), contacts
 
     @abstractmethod

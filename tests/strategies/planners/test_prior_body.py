@@ -64,11 +64,15 @@ def test_a_barred_hand_makes_the_object_larger_and_an_empty_one_smaller() -> Non
     assert (np.abs(planner.larger_m) < [0.006, 0.010]).all()
 
 
-def test_an_object_never_met_is_not_made_smaller_pose_by_pose() -> None:
+def test_an_object_never_met_is_looked_for_at_all_sizes_in_turn() -> None:
     planner, here = GreedyCoverage(), replace(belief(), fitted=np.zeros(2, bool))
-    for step in range(4):
+    margin, sizes = here.prior.margin_m, []
+    for step in range(12):
         planner(replace(here, step=step, touches=np.full(2, 8 * step)))
-    assert np.all(planner.larger_m == -0.010)
+        sizes.append(planner.larger_m)
+    assert np.allclose(np.min(sizes, 0), -margin)
+    again = np.diff(np.array(sizes)[:, 0]) > 0.0
+    assert again.any() and (np.array(sizes)[1:][again] == 0.0).all()
 
 
 def test_where_no_pose_promises_a_touch_the_one_farthest_from_those_taken_is_next() -> None:
