@@ -8,7 +8,7 @@ and is pushed. Where nothing is near any more, fingers that nothing has touched 
 alone.
 
 Skins of links do not rub. While no finger that moves, or that another one pushes, presses body or
-table, where the hand rests hangs on its commands alone and not on the way there: steps whose
+table, where the hand rests depends on its commands alone and not on the way there: steps whose
 readings stop nothing are left out.
 """
 
@@ -59,7 +59,7 @@ def _hangs_on_commands(
     hands: wp.array2d[Chain], own: int, state: wp.array2d[ChainRest],
     meetings: wp.array2d[ChainMeeting], i: int, count: int, stopped: int
 ):
-    """Whether where a hand rests hangs on its commands alone."""
+    """Whether where a hand rests depends on its commands alone."""
     moved = ~stopped
     for a in range(count):
         moved = moved | fingers_met(meetings[i, a])

@@ -1,4 +1,4 @@
-"""What is wrong with a spec is told at once, with its line and what would be right."""
+"""What is wrong with a spec is reported at once, with its line and what would be right."""
 
 from pathlib import Path
 
