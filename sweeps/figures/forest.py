@@ -7,6 +7,7 @@ import numpy as np
 from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
 from sweeps.analysis.paired import Paired
 from sweeps.figures.style import COLOURS, distinct_labels, drawing, figure, metric_label
+from sweeps.figures.style import FARTHEST as FARTHEST_MEANS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -39,6 +40,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
         drawn = figure(0.75 + 0.17 * len(order) + (0.12 if keys else 0.0))
         left, right = drawn.subplots(1, 2, sharey=True, width_ratios=(1.25, 1.0))
         cut, drawn_of = False, set[str]()
+        most = FARTHEST_MEANS * float(np.nanmax(np.abs(means[0, order]), initial=0.0))
         for axes, value, colour, interval in (
                 (left, means[0], COLOURS[0],
                  lambda over: exact.values(over, bounds_of(metric))),
@@ -52,7 +54,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
             axes.hlines(place, *these, color=colour, lw=1.8)
             axes.plot(value[order], place, "o", color=colour, ms=3.2, zorder=3)
             axes.margins(x=0.06)
-            cut |= _framed(axes, [*these, value[order]], like)
+            cut |= _framed(axes, [*these, value[order]], like, most)
             axes.grid(axis="x", lw=0.3, color="#d0d0d0")
             axes.tick_params(axis="y", length=0)
         left.set_yticks(place, names)
@@ -67,11 +69,14 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     return drawn
 
 
-def _framed(axes: "Axes", inner: list[np.ndarray], outer: list[np.ndarray]) -> bool:
-    """Cuts what is far beyond all of `inner` at the frame; whether anything is."""
-    known, beyond = (values[np.isfinite(values)] for values in map(np.concatenate, (inner, outer)))
-    if not len(known) or not len(beyond):
+def _framed(axes: "Axes", inner: list[np.ndarray], outer: list[np.ndarray], most: float) -> bool:
+    """Cuts what is far beyond all of `inner`, or beyond `most`, at the frame; whether anything is.
+    """
+    known, beyond = (values[np.isfinite(values)] for values in map(
+        np.concatenate, (inner, inner + outer)))
+    if not len(known):
         return False
+    known = np.clip(known, -most, most)
     wide = FARTHEST * float(np.ptp(known))
     low, high = known.min() - wide, known.max() + wide
     if wide == 0.0 or (low <= beyond.min() and beyond.max() <= high):

@@ -72,7 +72,8 @@ def test_an_object_never_met_is_looked_for_at_all_sizes_in_turn() -> None:
         sizes.append(planner.larger_m)
     assert np.allclose(np.min(sizes, 0), -margin)
     again = np.diff(np.array(sizes)[:, 0]) > 0.0
-    assert again.any() and (np.array(sizes)[1:][again] == 0.0).all()
+    assert again.any()
+    assert (np.array(sizes)[1:][again] == 0.0).all()
 
 
 def test_where_no_pose_promises_a_touch_the_one_farthest_from_those_taken_is_next() -> None:

@@ -389,3 +389,18 @@ def test_intervals_of_two_objects_leave_the_others_to_be_seen() -> None:
     low, high = drawn.axes[0].get_xlim()
     assert like.high.max() > 10.0 > high > 2.5 > low
     assert "cut at the frame" in drawn.get_supxlabel()
+
+
+def test_intervals_of_two_episodes_of_many_entries_do_not_set_the_frame() -> None:
+    """Simultaneous intervals of hundreds of entries with two episodes each reach for kilometres."""
+    draw = np.random.default_rng(3)
+    values = tuple(10.0 + draw.normal(size=(2, 200)) for _ in range(2))
+    means = np.concatenate([np.mean([v.mean(0) for v in values], axis=0)[None]] * (1 + REPLICATES))
+    paired = Paired(tuple(Entry(0, f"e{n}", {}) for n in range(200)), ("block", "wedge"),
+                    {"chamfer_mm": values}, {"chamfer_mm": means}, ())
+    best = int(means[0].argmin())
+    assert paired.statistics("chamfer_mm").differences(best, "these").high.max() > 1e3
+    drawn = draw_forest(paired, "chamfer_mm")
+    low, high = drawn.axes[1].get_xlim()
+    assert -100.0 < low < 0.0 < high < 100.0
+    assert "cut at the frame" in drawn.get_supxlabel()
