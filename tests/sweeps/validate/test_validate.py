@@ -88,7 +88,7 @@ def test_puma_against_the_toolbox() -> None:
 @pytest.mark.slow
 def test_distances_and_metrics() -> None:
     pytest.importorskip("rtree", reason="rtree is not installed: make validate")
-    assert not broken([*compare_distances(), *compare_metrics(4)])
+    assert not broken([*compare_distances(), *compare_metrics(4, objects=4)])
 
 
 @pytest.mark.skipif(NO_TOOLBOX, reason="roboticstoolbox is not installed: make validate")
