@@ -164,7 +164,8 @@ def begin_starts(
     [fit, start, parameter]."""
     down, floor = (None, None) if sets.plane is None else (sets.plane[:, :3], sets.plane[:, 3])
     trim = 0.0 if options.loss == "none" else 0.05
-    rotation, half, centre = box_starts(sets.points, sets.mask, down, floor, trim)
+    rotation, half, centre = box_starts(sets.points, sets.mask, down, floor, trim,
+                                        options.upright_starts and down is not None)
     n, starts = rotation.shape[:2]
     theta = np.zeros((n, starts, form.parameters))
     if form.taper:

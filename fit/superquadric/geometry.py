@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import beta
 
-from fit.rotation import matrix_of_quaternion, turn_points
+from fit.rotation import matrix_of_quaternion
 from fit.superquadric.record import SuperquadricFit
 
 TINY = 1e-20
@@ -58,6 +58,11 @@ def superquadric(
     return Superquadric(*(np.broadcast_to(v, (count, v.shape[1])) for v in fields))
 
 
+def log_sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """log(exp a + exp b), in half the time of `np.logaddexp`."""
+    return np.maximum(a, b) + np.log1p(np.exp(-np.abs(a - b)))
+
+
 def superquadric_inside_outside(
     body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point"]:
@@ -69,8 +74,8 @@ def superquadric_inside_outside(
     e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
     lx, ly, lz = (np.log((c / a[:, None]) ** 2 + TINY)
                   for c, a in zip((x, y, z), body.size_m.T, strict=True))
-    section = e2 * np.logaddexp(lx / e2, ly / e2)
-    return np.exp(0.5 * e1 * np.logaddexp(section / e1, lz / e1))
+    section = e2 * log_sum(lx / e2, ly / e2)
+    return np.exp(0.5 * e1 * log_sum(section / e1, lz / e1))
 
 
 def superquadric_volume(body: SuperquadricLike) -> Float[np.ndarray, " fit"]:
@@ -120,16 +125,18 @@ def _facets(body: SuperquadricLike, n: int, chosen: np.ndarray | None = None) ->
     """Area times outward normal [m^2] of each quadrilateral, shape [fit, point, 3]; of those
     `chosen` [fit, point] alone."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
-    vertices = from_straight_frame(body, _project(body, vertices))
+    vertices = _placed(body, *_project(body, vertices))
     quads = (vertices[:, corners] if chosen is None
              else vertices[np.arange(len(vertices))[:, None, None], corners[chosen]])
-    return 0.5 * np.cross(quads[:, :, 2] - quads[:, :, 0], quads[:, :, 3] - quads[:, :, 1])
+    ax, ay, az = _planes(quads[:, :, 2] - quads[:, :, 0])
+    bx, by, bz = _planes(quads[:, :, 3] - quads[:, :, 1])
+    return 0.5 * np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
 def superquadric_points(body: SuperquadricLike, n: int) -> Float[np.ndarray, "fit point 3"]:
     """Points [m] of `superquadric_surface`."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
-    return from_straight_frame(body, _project(body, vertices[corners].mean(axis=1)))
+    return _placed(body, *_project(body, vertices[corners].mean(axis=1)))
 
 
 def superquadric_normals(
@@ -160,15 +167,29 @@ def radius_differences(
 
 def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
     """World points [m] from points [m] in the frame before taper and bend, [fit, point, 3]."""
-    x, y, z = np.moveaxis(points, -1, 0)
+    return _placed(body, *_planes(points))
+
+
+def _planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates of points [..., 3], each contiguous: arithmetic is twice as fast on them."""
+    x, y, z = (np.ascontiguousarray(points[..., k]) for k in range(3))
+    return x, y, z
+
+
+def _placed(body: SuperquadricLike, x, y, z) -> np.ndarray:
+    """`from_straight_frame` of coordinates, each of shape [fit, point]."""
     height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
     x = x * np.maximum(1 + body.taper[:, 0, None] * height, MIN_TAPER_FACTOR)
     y = y * np.maximum(1 + body.taper[:, 1, None] * height, MIN_TAPER_FACTOR)
     if body.bend[:, 0].any():
         x, y, z = _bent(body, x, y, z)
-    bent = np.stack([x, y, z], axis=-1)
-    rotation = matrix_of_quaternion(body.quaternion_xyzw)
-    return turn_points(rotation, bent) + body.position_m[:, None]
+    # Written out: einsum takes longer, and the rounding of a matrix product depends on layout.
+    rotation = matrix_of_quaternion(body.quaternion_xyzw)[..., None]
+    placed = np.empty((*x.shape, 3))
+    for k in range(3):
+        placed[..., k] = (rotation[:, k, 0] * x + rotation[:, k, 1] * y + rotation[:, k, 2] * z
+                          + body.position_m[:, k, None])
+    return placed
 
 
 def straight_coordinates(
@@ -212,13 +233,18 @@ def _unbent(body: SuperquadricLike, x, y, z) -> tuple[np.ndarray, np.ndarray, np
     return x - cos * shift, y - sin * shift, straight
 
 
-def _project(body: SuperquadricLike, directions: np.ndarray) -> np.ndarray:
-    """Surface points of the straight body along `directions` [point, 3] of the scaled frame."""
+def _project(
+    body: SuperquadricLike, directions: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Coordinates [fit, point] of the straight body's surface along `directions` [point, 3] of the
+    scaled frame."""
     e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
-    lx, ly, lz = np.log(np.moveaxis(directions, -1, 0) ** 2 + TINY)
-    section = e2 * np.logaddexp(lx / e2, ly / e2)
-    radius = np.exp(0.5 * e1 * np.logaddexp(section / e1, lz / e1))
-    return directions / radius[..., None] * body.size_m[:, None]
+    along = _planes(directions)
+    lx, ly, lz = (np.log(c**2 + TINY) for c in along)
+    section = e2 * log_sum(lx / e2, ly / e2)
+    radius = np.exp(0.5 * e1 * log_sum(section / e1, lz / e1))
+    x, y, z = (c / radius * a[:, None] for c, a in zip(along, body.size_m.T, strict=True))
+    return x, y, z
 
 
 def cube_grid(cells: int, line: np.ndarray | None = None) -> tuple[np.ndarray, np.ndarray]:

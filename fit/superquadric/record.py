@@ -26,6 +26,9 @@ class SuperquadricOptions:
     """See `fit.superquadric.field.residual`; None: solina, or volume_distance with taper."""
     loss: Loss = "none"
     """Robust loss of the residuals of points and normals; its scale is their median."""
+    upright_starts: bool = False
+    """Whether a fit with a table starts from upright boxes alone: half the starts, for bodies that
+    are known to stand so."""
     screen_iterations: int = 4
     settle_iterations: int = 6
     """Iterations before weights and scales are fixed."""

@@ -13,6 +13,7 @@ from fit.superquadric.geometry import (
     TINY,
     Superquadric,
     SuperquadricLike,
+    log_sum,
     radius_differences,
     superquadric_inside_outside,
 )
@@ -79,9 +80,9 @@ def _of_straight(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray
 
     squares = [(c / a) ** 2 + TINY for c, a in ((x, a1), (y, a2), (z, a3))]
     lx, ly, lz = (np.log(square) for square in squares)
-    section = np.logaddexp(lx / e2, ly / e2)
+    section = log_sum(lx / e2, ly / e2)
     first, second = e2 * section / e1, lz / e1
-    whole = np.logaddexp(first, second)
+    whole = log_sum(first, second)
     radius = np.exp(0.5 * e1 * whole)
     share, share_z = np.exp(first - whole), np.exp(second - whole)
     share_x, share_y = np.exp(lx / e2 - section), np.exp(ly / e2 - section)
@@ -103,7 +104,10 @@ def _of_straight(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray
         # A slight bend shifts sections by half its curvature times the height squared.
         own[2] * z * px - 0.5 * z**2 * own[0], own[2] * z * py - 0.5 * z**2 * own[1],
     ]
-    return radius, np.stack(columns, axis=-1) * radius[..., None]
+    slopes = np.empty((*radius.shape, len(TANGENT)))
+    for k, column in enumerate(columns):
+        np.multiply(column, radius, out=slopes[..., k])
+    return radius, slopes
 
 
 def _by_differences(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

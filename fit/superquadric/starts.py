@@ -17,6 +17,7 @@ def box_starts(
     down: Float[np.ndarray, "fit 3"] | None,
     floor: Float[np.ndarray, " fit"] | None,
     trim: float,
+    upright_only: bool = False,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rotations [fit, start, 3, 3], half extents and centres [fit, start, 3] of the starts.
 
@@ -24,11 +25,12 @@ def box_starts(
     wrong one. With a support plane, three more use the upright box of least area, because uneven
     touches rotate the principal axes away from the faces. `trim` is the fraction of points
     ignored beyond each extent, for outliers. `floor` is the height of the plane along `down`.
+    `upright_only`, which needs a plane, leaves out the principal axes.
     """
     kept = mask[..., None]
     mean = (points * kept).sum(1) / kept.sum(1)
     spread = np.where(kept, points - mean[:, None], 0.0)
-    frames = [_cycled(_principal_axes(spread))]
+    frames = [] if upright_only else [_cycled(_principal_axes(spread))]
     if down is not None:
         frames.append(_cycled(_upright_axes(spread, mask, down)))
     rotation = np.concatenate(frames, axis=1)

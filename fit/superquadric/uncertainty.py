@@ -18,10 +18,10 @@ from fit.superquadric.geometry import (
     superquadric_points,
     superquadric_volume,
 )
-from fit.superquadric.slopes import displaced, radius_slopes
+from fit.superquadric.slopes import radius_slopes
 
-STEP = 1e-5
-"""Difference step, in standard deviations of the prior."""
+STEP = 5e-6
+"""Difference step of exponents and taper."""
 FLAT = 0.1
 """Minimum gradient of the scaled radius times the half diagonal, except at the centre."""
 MIN_SIGMA_M = 1e-9
@@ -80,7 +80,7 @@ def superquadric_uncertainty(
     sigma = _sigma(away / slope, normal, kept, fitted.sum(axis=1), covariance, sigma_floor_m)
     slopes = slopes / slope[..., None] * prior[:, None]
     rows = slopes / sigma[..., None] * kept[..., None]
-    information = np.einsum("fpi,fpj->fij", rows, rows) + np.eye(15)
+    information = np.swapaxes(rows, 1, 2) @ rows + np.eye(15)
     if table_z is not None:
         row = _table_slope(body, prior) / table_sigma_m
         information += row[:, :, None] * row[:, None, :]
@@ -89,10 +89,10 @@ def superquadric_uncertainty(
     if shared_m is not None:
         # What least squares make of each of these errors.
         moved = np.where(kept[..., None], shared_m / sigma[..., None], 0.0)
-        shared = unit @ np.einsum("fpj,fpk->fjk", rows, moved)
+        shared = unit @ (np.swapaxes(rows, 1, 2) @ moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
-    log_volume_std = _log_volume_std(body, cov, prior)
+    log_volume_std = _log_volume_std(body, cov)
     return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std,
                                    np.zeros(len(points)))
 
@@ -102,10 +102,9 @@ def surface_std(
     points: Float[np.ndarray, "fit point 3"],
 ) -> Float[np.ndarray, "fit point"]:
     """Standard deviation [m] of the surface along its normal, at or near `points` [m]."""
-    body = _body(fit)
-    prior = _prior(body)
-    slopes = distance_slopes(body, points, prior) / prior[:, None]
-    return np.sqrt(np.einsum("fpi,fij,fpj->fp", slopes, uncertainty.covariance, slopes))
+    slopes = distance_slopes(_body(fit), points)
+    variance = np.einsum("fpi,fpi->fp", slopes @ uncertainty.covariance, slopes)
+    return np.sqrt(np.maximum(variance, 0.0))
 
 
 def _body(fit: SuperquadricLike) -> Superquadric:
@@ -145,10 +144,11 @@ def _prior(body: SuperquadricLike) -> np.ndarray:
                     axis=1)
 
 
-def distance_slopes(body: SuperquadricLike, points, prior) -> Float[np.ndarray, "fit point 15"]:
-    """Derivatives of distances [m] by tangent coordinates, per prior standard deviation."""
+def distance_slopes(body: SuperquadricLike, points) -> Float[np.ndarray, "fit point 15"]:
+    """Derivatives of distances [m] by tangent coordinates."""
     _, slope, _, slopes = _first_order(body, points)
-    return slopes / slope[..., None] * prior[:, None]
+    slopes /= slope[..., None]
+    return slopes
 
 
 def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
@@ -186,15 +186,19 @@ def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     weight *= counts
     weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
     weight = np.take_along_axis(weight, lowest, 1)
-    slopes = distance_slopes(body, np.take_along_axis(points, lowest[..., None], 1), prior)
-    return np.where(weight[..., None] != 0, weight[..., None] * slopes, 0.0).sum(axis=1)
+    slopes = distance_slopes(body, np.take_along_axis(points, lowest[..., None], 1))
+    return prior * np.where(weight[..., None] != 0, weight[..., None] * slopes, 0.0).sum(axis=1)
 
 
-def _log_volume_std(body: SuperquadricLike, cov, prior) -> np.ndarray:
-    slope = np.zeros((len(prior), 15))
-    for k in (0, 1, 2, 3, 4, 11, 12):
-        step = np.zeros_like(slope)
-        step[:, k] = STEP * prior[:, k]
-        up, down = (np.log(superquadric_volume(displaced(body, s * step))) for s in (1, -1))
-        slope[:, k] = (up - down) / (2 * step[:, k])
+def _log_volume_std(body: Superquadric, cov: np.ndarray) -> np.ndarray:
+    slope = np.zeros((len(cov), 15))
+    slope[:, :3] = 1.0  # of the logarithms of the sizes
+    for first, name in ((3, "exponents"), (11, "taper")):
+        value = getattr(body, name)
+        for k in range(2):
+            step = np.zeros_like(value)
+            step[:, k] = STEP
+            up, down = (np.log(superquadric_volume(body._replace(**{name: value + s * step})))
+                        for s in (1, -1))
+            slope[:, first + k] = (up - down) / (2 * STEP)
     return np.sqrt(np.einsum("fi,fij,fj->f", slope, cov, slope))

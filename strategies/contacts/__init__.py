@@ -4,7 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body_uncertainty": ["BodyUncertainty", "INADEQUATE_FROM", "calibrated_uncertainty",
-        "surface_spread"],
+        "parameter_uncertainty", "surface_spread"],
     "field_placing": ["field_of_process", "link_stations", "places_on_field",
         "possible_stations", "sampled_field", "superquadric_field"],
     "felt": ["Felt"], "volume_spread": ["FeltBy", "VolumeSigns", "interval_trusted"],

@@ -7,6 +7,7 @@ knows (`volume_spread`), and places of a surface by how far the nearest contact 
 calibrated on simulated episodes (`docs/fit.md`).
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -56,38 +57,58 @@ class BodyUncertainty(SuperquadricUncertainty):
     """What the spread of the volumes goes by."""
 
 
-def calibrated_uncertainty(
-    body: Superquadric, turned: RevolutionBody | None, is_turned: np.ndarray, felt: Felt,
-    links: TouchedLinks, errors: ErrorTable, arm: ArmTable, prior: BoundingCylinder,
-) -> BodyUncertainty:
-    """Uncertainty of each world's body from its own contacts, and from the prior that was given.
+def parameter_uncertainty(
+    body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable
+) -> SuperquadricUncertainty:
+    """Uncertainty of the parameters of each world's superquadric from its own contacts.
 
-    Volumes are those of `turned` where `is_turned` (world,), bool; covariances always those of the
-    superquadric's parameters. Contacts are packed to a number of slots that depends on the world's
-    own count: sums over more empty slots, for a neighbour's sake, would round otherwise.
+    Contacts are packed to a number of slots that depends on the world's own count: sums over more
+    empty slots, for a neighbour's sake, would round otherwise.
     """
     worlds = len(felt.mask)
-    slots = -(-np.maximum(felt.mask.sum(1), 1) // _PACK) * _PACK
-    contours = np.flatnonzero(is_turned) if turned is not None else np.zeros(0, int)
     known = {f.name: np.zeros((worlds, *(15, 15) * (f.name == "covariance")))
              for f in fields(SuperquadricUncertainty)}
-    for width in np.unique(slots):
-        rows = np.flatnonzero(slots == width)
-        some, stood = packed(felt, links, rows, int(width))
+    for width, rows in _by_slots(felt):
+        some, stood = packed(felt, links, rows, width)
         part = _of_superquadrics(Superquadric(*(field[rows] for field in body)), some, stood,
                                  errors, arm)
         for name, values in known.items():
             values[rows] = getattr(part, name)
-        those = np.flatnonzero(np.isin(rows, contours))
-        if turned is not None and len(those):
-            own = _of_contours(turned[rows[those]], those, some, stood, errors, arm)
-            known["log_volume_std"][rows[those]] = own
+    return SuperquadricUncertainty(**known)
+
+
+def calibrated_uncertainty(
+    body: Superquadric, parameters: SuperquadricUncertainty, turned: RevolutionBody | None,
+    is_turned: np.ndarray, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable,
+    prior: BoundingCylinder,
+) -> BodyUncertainty:
+    """Uncertainty of each world's body from its own contacts, from the `parameter_uncertainty` of
+    its superquadric, and from the prior that was given.
+
+    Volumes are those of `turned` where `is_turned` (world,), bool; covariances always those of the
+    superquadric's parameters.
+    """
+    known = {f.name: getattr(parameters, f.name).copy() for f in fields(SuperquadricUncertainty)}
+    contours = np.flatnonzero(is_turned) if turned is not None else np.zeros(0, int)
     if turned is not None:
+        for width, rows in _by_slots(felt):
+            those = np.flatnonzero(np.isin(rows, contours))
+            if len(those):
+                some, stood = packed(felt, links, rows, width)
+                known["log_volume_std"][rows[those]] = _of_contours(
+                    turned[rows[those]], those, some, stood, errors, arm)
         known["volume_m3"][contours] = revolution_volume(turned[contours])
     signs = _signs(body, turned, contours, felt, prior, known)
     shift, std = spread_of_volumes(signs)
     return BodyUncertainty(**known | {"log_volume_shift": shift, "log_volume_std": std},
                            signs=signs)
+
+
+def _by_slots(felt: Felt) -> Iterator[tuple[int, np.ndarray]]:
+    """Numbers of slots, and the worlds whose contacts are packed to as many."""
+    slots = -(-np.maximum(felt.mask.sum(1), 1) // _PACK) * _PACK
+    for width in np.unique(slots):
+        yield int(width), np.flatnonzero(slots == width)
 
 
 def surface_spread(

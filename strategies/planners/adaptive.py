@@ -10,13 +10,13 @@ from abc import ABC, abstractmethod
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from fit.superquadric.geometry import Superquadric
 from fit.superquadric.uncertainty import distance_slopes, surface_std
 from strategies.planners.any_object import FreeFormSearch
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner, real_option
+from strategies.planners.surface_process import SurfaceProcess
 from strategies.planners.unguided import far_from_taken
 from strategies.recovery.belief import Belief
 
@@ -129,7 +129,7 @@ class MostUncertain(OneAtATime):
         points, found = predicted_touches(belief, poses, free)
         flat = points.reshape(belief.worlds, -1, 3)
         with np.errstate(all="ignore"):
-            std = surface_std(belief.body, belief.uncertainty, flat)
+            std = surface_std(belief.body, belief.parameter_uncertainty, flat)
         std = np.where(np.isfinite(std), np.minimum(std, NEW_AT_M), 0.0).reshape(found.shape)
         return (std**2 * found).sum(-1)
 
@@ -144,15 +144,16 @@ class MostInformation(OneAtATime):
         Bayesian experimental design: a review)."""
         points, found = predicted_touches(belief, poses, free)
         worlds, candidates, fingers = found.shape
-        ones = np.ones((worlds, 15))
-        body = Superquadric(*belief.body)
         with np.errstate(all="ignore"):
-            slopes = distance_slopes(body, points.reshape(worlds, -1, 3), ones)
-        slopes = np.where(np.isfinite(slopes), slopes, 0.0).reshape(
-            worlds, candidates, fingers, 15) * found[..., None]
-        spread = np.einsum("wcfi,wij,wcgj->wcfg", slopes, belief.uncertainty.covariance, slopes)
-        information = np.eye(fingers) + spread / TOUCH_SIGMA_M**2
-        return 0.5 * np.linalg.slogdet(information)[1]
+            slopes = distance_slopes(belief.body, points.reshape(worlds, -1, 3))
+        slopes = np.where(np.isfinite(slopes) & found.reshape(worlds, -1, 1), slopes, 0.0)
+        spread = slopes @ belief.parameter_uncertainty.covariance / TOUCH_SIGMA_M**2
+        met = found.any(-1)
+        one, other = (v.reshape(worlds, candidates, fingers, 15)[met] for v in (slopes, spread))
+        factor = np.linalg.cholesky(np.eye(fingers) + other @ np.swapaxes(one, 1, 2))
+        gain = np.zeros((worlds, candidates))
+        gain[met] = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
+        return gain
 
 
 @planner("gaussian-process", "the pose whose touches a Gaussian process surface is least sure of")
@@ -183,24 +184,19 @@ class SurfaceGaussianProcess(OneAtATime):
     def gain(self, belief: Belief, poses: np.ndarray, free: np.ndarray) -> np.ndarray:
         """Entropy of the surface's distances at each pose's predicted touches, up to a constant."""
         points, found = predicted_touches(belief, poses, free)
-        out = np.zeros(found.shape[:2])
-        for world in range(belief.worlds):
-            felt = belief.evidence.points_m[world][belief.evidence.mask[world]]
-            near, flat = points[world], points[world].reshape(-1, 3)
-            prior = self._kernel(near, near)
-            if len(felt):
-                known = self._kernel(felt, felt) + FIELD_NOISE_M**2 * np.eye(len(felt))
-                across = self._kernel(flat, felt)
-                solved = np.linalg.solve(known, across.T).T
-                shape = (*found.shape[1:], len(felt))
-                prior = prior - np.einsum("cfn,cgn->cfg", across.reshape(shape),
-                                          solved.reshape(shape))
-            pair = found[world][:, :, None] & found[world][:, None]
-            covariance = np.where(pair, prior, 0.0) / FIELD_NOISE_M**2 + np.eye(found.shape[2])
-            out[world] = 0.5 * np.linalg.slogdet(covariance)[1]
+        worlds, candidates, fingers = found.shape
+        felt = belief.evidence.points_m
+        places = np.sqrt(3.0) / self.length_m * np.concatenate(
+            [felt, points.reshape(worlds, -1, 3)], 1)
+        touches = felt.shape[1] + np.arange(candidates * fingers).reshape(candidates, fingers)
+        spread = FIELD_SPREAD_M / FIELD_NOISE_M
+        out = np.zeros((worlds, candidates))
+        for world in np.flatnonzero(free.any(1)):
+            known = np.flatnonzero(belief.evidence.mask[world])
+            process = SurfaceProcess(places[world], np.zeros((places.shape[1], 0)), known,
+                                     np.zeros(len(known)), (spread,), spread)
+            together = process.felt_together(touches, found[world],
+                                             process.told(touches[found[world]]))
+            factor = np.linalg.cholesky(together)
+            out[world] = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
         return out
-
-    def _kernel(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        apart = np.linalg.norm(a[..., :, None, :] - b[..., None, :, :], axis=-1)
-        scaled = np.sqrt(3.0) * apart / self.length_m
-        return FIELD_SPREAD_M**2 * (1.0 + scaled) * np.exp(-scaled)

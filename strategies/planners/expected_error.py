@@ -20,13 +20,14 @@ from fit.superquadric.uncertainty import distance_slopes, surface_distance
 from strategies.planners.adaptive import OneAtATime
 from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner, real_option
+from strategies.planners.surface_process import SurfaceProcess, matern
 from strategies.recovery.belief import Belief
 from warpgrasp.mechanism.arm_reach import travel_time
 
 NOISE_M = 0.0015
 """Spread of one touch along the normal [est]."""
-MISFITS_M = (0.0005, 0.001, 0.002, 0.004, 0.008)
-"""How far a body may truly lie off any superquadric, tried by likelihood."""
+SPREADS = tuple(misfit_m / NOISE_M for misfit_m in (0.0005, 0.001, 0.002, 0.004, 0.008))
+"""How far a body may truly lie off any superquadric, in units of the noise, tried by likelihood."""
 UNFELT_M = 0.004
 """The same before any touch [est]."""
 FARTHEST_M = 0.015
@@ -62,10 +63,11 @@ class ExpectedError(OneAtATime):
         places = np.concatenate([felt, points.reshape(worlds, -1, 3), surface], 1)
         prior = parameter_prior(belief.body)
         with np.errstate(all="ignore"):
-            slopes = np.nan_to_num(distance_slopes(Superquadric(*belief.body), places, prior))
+            slopes = distance_slopes(belief.body, places)
             residual = np.nan_to_num(surface_distance(belief.body, felt)[0])
-        slopes = np.clip(slopes, -0.2, 0.2)
-        residual = np.clip(residual, -FARTHEST_M, FARTHEST_M)
+        residual = np.clip(residual, -FARTHEST_M, FARTHEST_M) / NOISE_M
+        middle = places[:, -surface.shape[1]:].mean(1, keepdims=True)
+        places = np.sqrt(3.0) / self.length_m * (places - middle)
         gain = np.zeros((worlds, candidates))
         first, second = felt.shape[1], felt.shape[1] + candidates * fingers
         for world in np.flatnonzero(free.any(1)):
@@ -73,77 +75,41 @@ class ExpectedError(OneAtATime):
             poses_met = np.flatnonzero(found[world].any(1))
             if len(poses_met) == 0:
                 continue
-            field = _Field(places[world], slopes[world], self.length_m,
-                           known, residual[world, known])
-            gain[world, poses_met] = field.falls(
-                np.arange(first, second).reshape(candidates, fingers)[poses_met],
+            own = np.clip(np.nan_to_num(prior[world] * slopes[world]), -0.2, 0.2) / NOISE_M
+            process = SurfaceProcess(places[world], own, known, residual[world, known],
+                                     SPREADS, UNFELT_M / NOISE_M)
+            gain[world, poses_met] = NOISE_M * _falls(
+                process, np.arange(first, second).reshape(candidates, fingers)[poses_met],
                 found[world, poses_met], np.arange(second, places.shape[1]), weight[world])
         if self.per_second and self.last is not None:
             gain /= BASE_TIME_S + travel_time(belief.arm, belief.hand, self.last, poses)
         return gain
 
 
-class _Field:
-    """One world's distances between the true surface and the body believed, given touches.
+def _falls(process: SurfaceProcess, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
+           weight: np.ndarray, across: type = np.float32) -> np.ndarray:
+    """Of the mean standard deviation over places numbered `surface`, for each row of `touches`, in
+    units of the noise.
 
-    In units of the noise of one touch. Single precision serves for what each touch says of each
-    place of the surface, which is most of the work; what is factored needs double.
+    Single precision, `across`, serves for what each touch says of each place of the surface, which
+    is most of the work; what is factored needs double.
     """
-
-    def __init__(self, places: np.ndarray, slopes: np.ndarray, length: float,
-                 known: np.ndarray, residual: np.ndarray, across: type = np.float32) -> None:
-        """`across` is the precision of what touches say of the surface."""
-        self.across = across
-        self.places = np.sqrt(3.0) / length * (places - places[-SURFACE_POINTS:].mean(0))
-        self.slopes = slopes / NOISE_M
-        self.known = known
-        self.misfit, self.whiten = UNFELT_M, np.zeros((0, 0))
-        if len(known):
-            alike = _matern(self.places[known], self.places[known])
-            shared = self.slopes[known] @ self.slopes[known].T + np.eye(len(known))
-            factors = np.linalg.cholesky(
-                (np.array(MISFITS_M) / NOISE_M)[:, None, None] ** 2 * alike + shared)
-            white = np.linalg.solve(factors, residual[:, None] / NOISE_M)[..., 0]
-            scale = np.log(np.diagonal(factors, axis1=1, axis2=2)).sum(1)
-            best = int(np.argmax(-0.5 * (white**2).sum(1) - scale))
-            self.misfit = MISFITS_M[best]
-            self.whiten = np.linalg.inv(factors[best])
-
-    def _prior(self, one: np.ndarray, other: np.ndarray, dtype: type = float) -> np.ndarray:
-        """Covariance (..., n, m) before any touch, of places numbered `one` and `other`."""
-        places, slopes = self.places.astype(dtype), self.slopes.astype(dtype)
-        alike = _matern(places[one], places[other])
-        alike *= dtype((self.misfit / NOISE_M) ** 2)
-        alike += slopes[one] @ np.swapaxes(slopes[other], -1, -2)
-        return alike
-
-    def falls(self, touches: np.ndarray, found: np.ndarray, surface: np.ndarray,
-              weight: np.ndarray) -> np.ndarray:
-        """Of the mean standard deviation over `surface` [m], for each row of `touches`."""
-        flat = touches[found]
-        to_touch = self.whiten @ self._prior(self.known, flat)
-        to_surface = self.whiten @ self._prior(self.known, surface)
-        by_pose = np.zeros((*touches.shape, len(self.known)))
-        by_pose[found] = to_touch.T
-        within = self._prior(touches, touches) - by_pose @ np.swapaxes(by_pose, -1, -2)
-        within = within * (found[:, :, None] & found[:, None]) + np.eye(touches.shape[1])
-        across = np.zeros((*touches.shape, len(surface)), self.across)
-        across[found] = self._prior(flat, surface, self.across) - (
-            to_touch.T.astype(self.across) @ to_surface.astype(self.across))
-        white = np.linalg.inv(np.linalg.cholesky(within)).astype(self.across)
-        explained = ((white @ across) ** 2).sum(1)
-        before = np.maximum((self.misfit / NOISE_M) ** 2 + (self.slopes[surface]**2).sum(-1)
-                            - (to_surface**2).sum(0), 0.0)
-        fall = np.sqrt(before) - np.sqrt(np.maximum(before - explained, 0.0))
-        return NOISE_M * (fall @ weight) / max(weight.sum(), 1e-12)
-
-
-def _matern(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Matern 3/2 correlation of places (..., n, 3) and (..., m, 3), in units of length / sqrt 3."""
-    square = ((one**2).sum(-1)[..., :, None] + (other**2).sum(-1)[..., None, :]
-              - 2.0 * one @ np.swapaxes(other, -1, -2))
-    apart = np.sqrt(np.maximum(square, 0.0, out=square), out=square)
-    return (1.0 + apart) * np.exp(-apart)
+    flat = touches[found]
+    told = process.told(np.concatenate([flat, surface]))
+    of_touch, of_surface = told[:len(flat)], told[len(flat):]
+    factor = np.linalg.cholesky(process.felt_together(touches, found, of_touch))
+    places, slopes = process.places.astype(across), process.slopes.astype(across)
+    shared = matern(places[flat], places[surface])
+    shared *= across(process.spread**2)
+    shared += slopes[flat] @ slopes[surface].T
+    shared -= of_touch.astype(across) @ of_surface.astype(across).T
+    by_pose = np.zeros((*touches.shape, len(surface)), across)
+    by_pose[found] = shared
+    explained = ((np.linalg.inv(factor).astype(across) @ by_pose) ** 2).sum(1)
+    before = np.maximum(process.spread**2 + (process.slopes[surface]**2).sum(-1)
+                        - (of_surface**2).sum(1), 0.0)
+    fall = np.sqrt(before) - np.sqrt(np.maximum(before - explained, 0.0))
+    return fall @ weight / max(weight.sum(), 1e-12)
 
 
 def parameter_prior(body: Superquadric) -> np.ndarray:

@@ -30,7 +30,8 @@ SIGMA_OF_MARGIN = 0.5
 of the prior, the rest allows for bodies that are not cylinders [est]."""
 LEAST_RADIUS_M = 0.010
 _AROUND, _LEVELS = 8, 3
-_OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", iterations=12)
+_OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", upright_starts=True,
+                               iterations=12)
 
 
 def planning_belief(

@@ -9,7 +9,12 @@ import numpy as np
 from fit.arrays import rows_of
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
-from strategies.contacts.body_uncertainty import BodyUncertainty, calibrated_uncertainty
+from fit.superquadric.uncertainty import SuperquadricUncertainty
+from strategies.contacts.body_uncertainty import (
+    BodyUncertainty,
+    calibrated_uncertainty,
+    parameter_uncertainty,
+)
 from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.poses.waypoints import BoundingCylinder
@@ -78,19 +83,27 @@ class Belief:
         return len(self.seed)
 
     @cached_property
+    def parameter_uncertainty(self) -> SuperquadricUncertainty:
+        """Of the superquadric's parameters, to first order. Computed on first use."""
+        return read_only(parameter_uncertainty(
+            self.body, self.felt, self.links, self.errors, self.arm))
+
+    @cached_property
     def uncertainty(self) -> BodyUncertainty:
         """Of the model that stands for the body: calibrated intervals of its volume, covariance of
         the superquadric's parameters. Computed on first use."""
         return read_only(calibrated_uncertainty(
-            self.body, None if self.profile is None else revolution_of(self.profile),
+            self.body, self.parameter_uncertainty,
+            None if self.profile is None else revolution_of(self.profile),
             self.shape == Shape.REVOLUTION, self.felt, self.links, self.errors, self.arm,
             self.prior))
 
     def with_active(self, active: np.ndarray) -> "Belief":
         """The same belief, other worlds going on; its uncertainty, if computed, stays."""
         other = replace(self, active=active)
-        if "uncertainty" in self.__dict__:
-            other.__dict__["uncertainty"] = self.uncertainty
+        for name in ("parameter_uncertainty", "uncertainty"):
+            if name in self.__dict__:
+                other.__dict__[name] = getattr(self, name)
         return other
 
     def of(self, rows: np.ndarray) -> "Belief":

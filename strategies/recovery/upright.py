@@ -43,8 +43,8 @@ class Upright:
     @property
     def radius_m(self) -> np.ndarray:
         """Largest distance of the surface from the upright line through the centre."""
-        arm = self._points[..., :2] - self.centre_m[:, None, :2]
-        return np.sqrt((arm**2).sum(2).max(1))
+        x, y = (self._points[..., k] - self.centre_m[:, None, k] for k in range(2))
+        return np.sqrt((x**2 + y**2).max(1))
 
     @cached_property
     def _points(self) -> np.ndarray:

@@ -5,6 +5,7 @@
 Rows of kernels, `ON_DEVICES`, take a device too.
 """
 
+import gc
 import json
 import sys
 import tempfile
@@ -155,6 +156,7 @@ def episodes(of: str, batch: int, device: str = "cpu") -> Workload:
     folder = tempfile.mkdtemp()
     extra: dict[str, str | int] = {"object": "block"}
     done = 0
+    gc.freeze()  # as a worker of a sweep does
 
     def call() -> int:
         nonlocal done

@@ -109,7 +109,7 @@ def test_slopes_at_the_surface_are_how_far_it_moves() -> None:
     body = superquadric([0.03, 0.04, 0.06], [0.5, 0.8], [0.1, 0, 0.2],
                         np.array([[0.3, 0, 0.6, 0.8]]) / np.sqrt(1.09), [0.2, -0.1], [3.0, 0.5])
     surface, _, _ = superquadric_surface(body, 200)
-    slopes = distance_slopes(body, surface, np.ones((1, 15)))
+    slopes = distance_slopes(body, surface)
     for k in range(15):
         step = np.zeros((1, 15))
         step[0, k] = 1e-6

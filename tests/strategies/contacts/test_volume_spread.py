@@ -8,7 +8,7 @@ from beliefs import BODY, belief, on_side
 
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import superquadric_volume
-from strategies.contacts.body_uncertainty import calibrated_uncertainty
+from strategies.contacts.body_uncertainty import calibrated_uncertainty, parameter_uncertainty
 from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import no_links
 from strategies.contacts.volume_spread import (
@@ -98,8 +98,9 @@ def test_touches_of_the_flat_end_say_nothing_of_the_radius() -> None:
                         q_rad=np.tile([0.0, 0.5, 0.5, 0.5], (1, count, 1)),
                         link=np.full((1, count), 2))
         prior = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, radius, height)))
-        found = calibrated_uncertainty(body, contour, np.array([True]), felt, links, ErrorTable(),
-                                       ArmTable(), prior)
+        parameters = parameter_uncertainty(body, felt, links, ErrorTable(), ArmTable())
+        found = calibrated_uncertainty(body, parameters, contour, np.array([True]), felt, links,
+                                       ErrorTable(), ArmTable(), prior)
         assert found.signs.felt_by[0] == FeltBy.CONTOUR
         return float(found.signs.own_std[0])
 

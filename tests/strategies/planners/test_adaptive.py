@@ -64,10 +64,10 @@ def test_the_untouched_side_is_worth_more(make: type) -> None:
 def test_information_is_that_of_the_linear_model() -> None:
     """One touch along a direction of known variance: 1/2 log(1 + variance / noise)."""
     here = belief(on_side(0, 360))
-    uncertainty = here.uncertainty
+    uncertainty = here.parameter_uncertainty
     only_x = np.zeros((2, 15, 15))
     only_x[:, 8, 8] = 1e-4  # the place along x, 10 mm
-    here.__dict__["uncertainty"] = replace(uncertainty, covariance=only_x)
+    here.__dict__["parameter_uncertainty"] = replace(uncertainty, covariance=only_x)
     poses, reachable = candidate_poses(here)
     points, found = predicted_touches(here, poses, reachable)
     gain = MostInformation().gain(here, poses, reachable)

@@ -6,41 +6,33 @@ import numpy as np
 from beliefs import belief, on_side
 
 from strategies.planners.candidates import candidate_poses, predicted_touches
-from strategies.planners.expected_error import NOISE_M, ExpectedError, _Field
+from strategies.planners.expected_error import ExpectedError, _falls
+from strategies.planners.surface_process import SurfaceProcess
 
 
 def test_the_fall_is_that_of_conditioning_by_hand() -> None:
     rng = np.random.default_rng(2)
-    places, slopes = 0.05 * rng.normal(size=(30, 3)), 0.01 * rng.normal(size=(30, 4))
+    places, slopes = 2.0 * rng.normal(size=(30, 3)), 4.0 * rng.normal(size=(30, 4))
     known, touches, surface = np.arange(6), np.arange(6, 14).reshape(2, 4), np.arange(14, 30)
     found = np.array([[True, True, False, True], [True] * 4])
     weight = rng.uniform(size=16)
-    residual = 0.001 * rng.normal(size=6)
-    field = _Field(places, slopes, 0.03, known, residual, across=np.float64)
-    falls = field.falls(touches, found, surface, weight)
+    process = SurfaceProcess(places, slopes, known, rng.normal(size=6), (0.5, 2.0), 3.0)
+    falls = _falls(process, touches, found, surface, weight, across=np.float64)
 
-    apart = np.sqrt(3) * np.linalg.norm(places[:, None] - places[None], axis=-1) / 0.03
-    prior = field.misfit**2 * (1 + apart) * np.exp(-apart) + slopes @ slopes.T
+    apart = np.linalg.norm(places[:, None] - places[None], axis=-1)
+    prior = process.spread**2 * (1 + apart) * np.exp(-apart) + slopes @ slopes.T
 
     def mean_std(felt: np.ndarray) -> float:
         across = prior[np.ix_(surface, felt)]
-        inner = prior[np.ix_(felt, felt)] + NOISE_M**2 * np.eye(len(felt))
+        inner = prior[np.ix_(felt, felt)] + np.eye(len(felt))
         left = prior[np.ix_(surface, surface)] - across @ np.linalg.solve(inner, across.T)
         return float(np.sqrt(np.diag(left)) @ weight / weight.sum())
 
     for row in range(2):
         after = np.concatenate([known, touches[row][found[row]]])
         assert np.isclose(falls[row], mean_std(known) - mean_std(after), rtol=1e-6)
-    single = _Field(places, slopes, 0.03, known, residual)
-    assert np.allclose(single.falls(touches, found, surface, weight), falls, rtol=1e-3)
-
-
-def test_large_residuals_are_laid_to_what_no_superquadric_explains() -> None:
-    rng = np.random.default_rng(4)
-    places, slopes = 0.05 * rng.normal(size=(40, 3)), np.zeros((40, 3))
-    near = _Field(places, slopes, 0.03, np.arange(40), 0.0005 * rng.normal(size=40))
-    far = _Field(places, slopes, 0.03, np.arange(40), 0.006 * rng.normal(size=40))
-    assert near.misfit < 0.002 < far.misfit
+    single = _falls(process, touches, found, surface, weight)
+    assert np.allclose(single, falls, rtol=1e-3)
 
 
 def test_every_pose_is_worth_less_once_all_around_was_felt() -> None:
