@@ -78,6 +78,9 @@ from warpgrasp.robot import Grasps, Robot
 _ROUNDED = 1e-9
 """By which the length of a quaternion may be off 1."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
+_BY_WORLD = ("prior", "seed", "felt", "links", "active", "faulty", "steps", "stopped", "fault",
+             "profile", "whole", "touches", "time", "path", "fitted", "shape", "believed", "agrees")
+"""What an exploration holds of each world, but for faces and what it has not fitted yet."""
 
 
 def explore(
@@ -210,16 +213,19 @@ class RunningExploration:
         return Exploration(tuple(self.procedures), self.belief, self.recovered, self.status(),
                            self.fault, self.stopped, self.felt)
 
-    def imagine(self, probe: Grasp) -> Recovered:
-        """What would be recovered after a grasp, noise and all; nothing of it is kept."""
+    def imagine(self, probe: Grasp, rows: np.ndarray) -> Recovered:
+        """What would be recovered in the worlds `rows` (row,), which may name a world more than
+        once, each after a grasp of its own, noise and all; nothing of it is kept."""
         copied = copy(self)
-        copied.robot, copied.procedures = self.robot.rehearsing(), []
-        copied.touches, copied.time, copied.path = (
-            v.copy() for v in (self.touches, self.time, self.path))
-        mask = wanted_of(probe, self.robot.worlds, self.robot.hand) & self.active[:, None]
+        for name in _BY_WORLD:
+            setattr(copied, name, rows_of(getattr(self, name), rows))
+        copied.faces = [rows_of(face, rows) for face in self.faces]
+        copied.news = [(rows_of(felt, rows), rows_of(links, rows)) for felt, links in self.news]
+        copied.robot, copied.procedures = self.robot.rehearsing(rows), []
+        mask = wanted_of(probe, len(rows), self.robot.hand) & copied.active[:, None]
         copied._grasp(probe, mask)
         # As of the step it would be: that says which bodies get new starts.
-        copied.step, copied.steps = self.step + 1, self.steps + mask.any(1)
+        copied.step, copied.steps = self.step + 1, copied.steps + mask.any(1)
         copied._refit(np.flatnonzero(mask.any(1)))
         return copied.recovered
 

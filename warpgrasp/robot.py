@@ -179,12 +179,19 @@ class Robot:
         """Guarded lines made so far: the number the next one will have."""
         return self._line_count
 
-    def rehearsing(self) -> "Robot":
-        """A copy that goes on from here, noise and all, and leaves no trace in this one's truth."""
+    def rehearsing(self, rows: np.ndarray | None = None) -> "Robot":
+        """A copy that goes on from here, noise and all, and leaves no trace in this one's truth; of
+        the worlds `rows` (row,), which may name a world more than once, or of all."""
+        rows = np.arange(self.worlds) if rows is None else rows
         other = copy(self)
-        other._truth = Truth(self._truth.body_pose)
-        other._probes_made = self._probes_made.copy()
-        other._lines_made = self._lines_made.copy()
+        other._truth = Truth(self._truth.body_pose[rows])
+        other._key = self._key[rows]
+        if len(self._body) > 1:
+            other._body = self._body[rows]
+        other._calibration = self._calibration.of(rows)
+        other._probes_made = self._probes_made[rows]
+        other._lines_made = self._lines_made[rows]
+        other._state = ArmState(self._state.q_rad[rows])
         return other
 
     def grasp(

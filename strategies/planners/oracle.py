@@ -15,7 +15,9 @@ from strategies.planners.register import planner, whole_option
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 
-Foresight = Callable[[Grasp], Recovered]
+Foresight = Callable[[Grasp, np.ndarray], Recovered]
+AT_ONCE = 1024
+"""Grasps that are tried side by side: the batch of all worlds costs what a few worlds do."""
 
 
 @planner("oracle", "takes the truly best of its candidates: a ceiling, not a strategy")
@@ -28,10 +30,11 @@ class Oracle:
         self.tried = whole_option("tried", tried, 1, 10_000)
         self.taken: np.ndarray | None = None
         self.foresee: Foresight | None = None
-        self.error: Callable[[Recovered], np.ndarray] | None = None
+        self.error: Callable[[Recovered, np.ndarray], np.ndarray] | None = None
 
-    def let_see(self, error: Callable[[Recovered], np.ndarray]) -> None:
-        """`error` scores recovered bodies against the truth, (world,) in m."""
+    def let_see(self, error: Callable[[Recovered, np.ndarray], np.ndarray]) -> None:
+        """`error` scores recovered bodies of the worlds `rows` (row,), rising, against the truth,
+        (row,) in m."""
         self.error = error
 
     def __call__(self, belief: Belief) -> list[Probe]:
@@ -44,18 +47,18 @@ class Oracle:
         if self.taken is None:
             self.taken = np.zeros(reachable.shape, bool)
         free = reachable & ~self.taken & belief.active[:, None]
+        choice = np.stack([_spread(free, number, self.tried, belief.step)
+                           for number in range(self.tried)], 1)
+        outcome = np.full(choice.shape, np.inf)
+        worlds, numbers = np.nonzero(np.take_along_axis(free, choice, 1))
+        for first in range(0, len(worlds), AT_ONCE):
+            rows, number = worlds[first:first + AT_ONCE], numbers[first:first + AT_ONCE]
+            grasps = Grasp(poses[rows, choice[rows, number]][:, None])
+            outcome[rows, number] = np.nan_to_num(self.error(self.foresee(grasps, rows), rows),
+                                                  nan=np.inf)
         rows = np.arange(belief.worlds)
-        best, least = np.zeros(belief.worlds, int), np.full(belief.worlds, np.inf)
-        for number in range(self.tried):
-            choice = _spread(free, number, self.tried, belief.step)
-            wanted = free[rows, choice]
-            if not wanted.any():
-                continue
-            outcome = self.error(self.foresee(Grasp(poses[rows, choice][:, None],
-                                                    wanted[:, None])))
-            better = wanted & (outcome < least)
-            best[better], least[better] = choice[better], outcome[better]
-        found = np.isfinite(least)
+        best = choice[rows, outcome.argmin(1)]
+        found = np.isfinite(outcome.min(1))
         self.taken[rows[found], best[found]] = True
         self.taken[~found] = True  # alone, its episode would have ended
         return [Grasp(poses[rows, best][:, None], found[:, None])]

@@ -16,6 +16,8 @@ from numbers import Integral, Real
 from pathlib import Path
 from typing import Any, Protocol, TypeVar
 
+import numpy as np
+
 from strategies.planners.guarded_call import EndedProcess
 from strategies.planners.probes import Grasp, Probe, ProbeError
 from strategies.recovery.belief import Belief
@@ -64,7 +66,7 @@ class Planner(Protocol):
 class Foreseeing(Protocol):
     """A planner that may try a grasp on a copy of the episode: the oracle."""
 
-    foresee: Callable[[Grasp], Recovered] | None
+    foresee: Callable[[Grasp, np.ndarray], Recovered] | None
 
 
 def fault_text(planner: Callable[..., Any], error: BaseException) -> str:

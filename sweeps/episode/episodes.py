@@ -296,7 +296,7 @@ def run_parts(
     oracle = planner if type(planner) is Oracle else None
     if oracle is not None:
         rough = replace(scorer, samples=ROUGH)
-        oracle.let_see(lambda recovered: rough.score(recovered).chamfer_m)
+        oracle.let_see(lambda recovered, rows: rough.of(rows).score(recovered).chamfer_m)
     found = explore(robot, planner, prior, counter_key(noise, int(Purpose.STRATEGY)),
                     table=cell.fit, closings=cell.strategy.closings,
                     budget=budget_of(cell.strategy), observe=observe, oracle=oracle,

@@ -324,11 +324,16 @@ class Scorer:
     samples: Samples = FINE
 
     def worlds(self) -> Iterator[tuple[Body, slice]]:
-        """Each body with its worlds."""
+        """Each body that has worlds, with them."""
         ends = np.searchsorted(self.which, np.arange(len(self.bodies)), side="right")
         begins = [0, *ends[:-1]]
         for body, begin, end in zip(self.bodies, begins, ends, strict=True):
-            yield body, slice(int(begin), int(end))
+            if end > begin:
+                yield body, slice(int(begin), int(end))
+
+    def of(self, rows: np.ndarray) -> "Scorer":
+        """That of some of the worlds, `rows` (row,) rising; a world may come more than once."""
+        return replace(self, which=self.which[rows], body_pose=self.body_pose[rows])
 
     def score(self, recovered: Recovered) -> Scores:
         """Scores of every world, see `sweeps.episode.scores.score_recovered`."""

@@ -5,7 +5,7 @@ the robot concludes comes from the tables alone (Allen and Michelman 1990 name t
 the arm, the joint sensors and the hand's kinematic model as their sources of error).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 
 import numpy as np
@@ -70,6 +70,13 @@ class Calibration:
     def worlds(self) -> int:
         """1 where all worlds share one robot."""
         return len(self.mount)
+
+    def of(self, rows: np.ndarray) -> "Calibration":
+        """Those of the worlds `rows` (row,); itself where all worlds share one robot."""
+        if self.worlds == 1:
+            return self
+        return replace(self, **{f.name: getattr(self, f.name)[rows] for f in fields(self)
+                                if isinstance(getattr(self, f.name), np.ndarray)})
 
 
 def draw_calibration(

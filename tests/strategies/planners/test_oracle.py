@@ -1,9 +1,12 @@
 """The oracle takes what turns out best, and what it foresees comes true."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from beliefs import BODY, belief
 
+from fit.arrays import rows_of
 from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
 from strategies.planners.oracle import Oracle
@@ -20,19 +23,22 @@ from warpgrasp.robot import Robot, Truth
 
 def test_the_oracle_takes_what_turns_out_best() -> None:
     oracle, here = Oracle(tried=6), belief()
-    seen: list[np.ndarray] = []
+    seen: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def foresee(probe: Grasp) -> Recovered:
-        seen.append(probe.hand_pose[:, 0])
-        return Recovered(np.full(2, Shape.SUPERQUADRIC), BODY)
+    def foresee(probe: Grasp, rows: np.ndarray) -> Recovered:
+        seen.append((rows, probe.hand_pose[:, 0]))
+        return Recovered(np.full(len(rows), Shape.SUPERQUADRIC), BODY)
 
     oracle.foresee = foresee
-    oracle.let_see(lambda recovered: np.abs(seen[-1][:, 1] - 0.05))
+    oracle.let_see(lambda recovered, rows: np.abs(seen[-1][1][:, 1] - 0.05))
     probe, = oracle(here)
-    tried = np.stack(seen, 1)
-    assert tried.shape[1] == 6
-    best = np.abs(tried[..., 1] - 0.05).argmin(1)
-    assert np.allclose(probe.hand_pose[:, 0], tried[np.arange(2), best])
+    assert isinstance(probe, Grasp)
+    (rows, tried), = seen
+    assert rows.tolist() == [0] * 6 + [1] * 6
+    for world in range(2):
+        mine = tried[rows == world]
+        best = np.abs(mine[:, 1] - 0.05).argmin()
+        np.testing.assert_array_equal(probe.hand_pose[world, 0], mine[best])
     with pytest.raises(RuntimeError, match="sees nothing"):
         Oracle()(here)
 
@@ -55,7 +61,12 @@ def test_what_is_foreseen_of_a_grasp_comes_of_it() -> None:
             return [Grasp(poses[:, step:step + 1])]
 
         grasp, = next_one(run.belief)
-        foreseen = run.imagine(grasp)
+        # Beside one another, each world more than once, and after grasps that are not made.
+        rows = np.array([0, 0, 1, 2, 2, 2])
+        taken = np.array([1, 2, 4])
+        others = waypoint_poses((replace(ring, tilt_rad=0.2),), prior, HandTable(), key)[rows, 1:2]
+        others[taken] = grasp.hand_pose
+        foreseen = rows_of(run.imagine(Grasp(others), rows), taken)
         run.take_step(next_one)
         assert np.array_equal(foreseen.shape, run.recovered.shape), step
         for mine, came in zip(foreseen.superquadric, run.recovered.superquadric, strict=True):
