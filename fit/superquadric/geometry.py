@@ -133,10 +133,23 @@ def _facets(body: SuperquadricLike, n: int, chosen: np.ndarray | None = None) ->
     return 0.5 * np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-1)
 
 
-def superquadric_points(body: SuperquadricLike, n: int) -> Float[np.ndarray, "fit point 3"]:
-    """Points [m] of `superquadric_surface`."""
+def superquadric_points(
+    body: SuperquadricLike, n: int, chosen: Int[np.ndarray, "fit chosen"] | None = None
+) -> Float[np.ndarray, "fit point 3"]:
+    """Points [m] of `superquadric_surface`; those `chosen` alone."""
+    directions = _directions(n)
+    return _placed(body, *_project(body, directions if chosen is None else directions[chosen]))
+
+
+def superquadric_heights(body: SuperquadricLike, n: int) -> Float[np.ndarray, "fit point"]:
+    """Heights [m] of `superquadric_points`."""
+    return _placed(body, *_project(body, _directions(n)), axes=(2,))[..., 0]
+
+
+def _directions(n: int) -> np.ndarray:
+    """Middles of the quadrilaterals of `superquadric_surface` on the cube, (point, 3)."""
     corners, vertices = cube_grid(max(int(np.ceil(np.sqrt(n / 6))), 1))
-    return _placed(body, *_project(body, vertices[corners].mean(axis=1)))
+    return vertices[corners].mean(axis=1)
 
 
 def superquadric_normals(
@@ -176,8 +189,8 @@ def _planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return x, y, z
 
 
-def _placed(body: SuperquadricLike, x, y, z) -> np.ndarray:
-    """`from_straight_frame` of coordinates, each of shape [fit, point]."""
+def _placed(body: SuperquadricLike, x, y, z, axes: tuple[int, ...] = (0, 1, 2)) -> np.ndarray:
+    """`from_straight_frame` of coordinates, each of shape [fit, point]; along `axes` alone."""
     height = np.clip(z / body.size_m[:, 2, None], -1.0, 1.0)
     x = x * np.maximum(1 + body.taper[:, 0, None] * height, MIN_TAPER_FACTOR)
     y = y * np.maximum(1 + body.taper[:, 1, None] * height, MIN_TAPER_FACTOR)
@@ -185,10 +198,10 @@ def _placed(body: SuperquadricLike, x, y, z) -> np.ndarray:
         x, y, z = _bent(body, x, y, z)
     # Written out: einsum takes longer, and the rounding of a matrix product depends on layout.
     rotation = matrix_of_quaternion(body.quaternion_xyzw)[..., None]
-    placed = np.empty((*x.shape, 3))
-    for k in range(3):
-        placed[..., k] = (rotation[:, k, 0] * x + rotation[:, k, 1] * y + rotation[:, k, 2] * z
-                          + body.position_m[:, k, None])
+    placed = np.empty((*x.shape, len(axes)))
+    for at, k in enumerate(axes):
+        placed[..., at] = (rotation[:, k, 0] * x + rotation[:, k, 1] * y + rotation[:, k, 2] * z
+                           + body.position_m[:, k, None])
     return placed
 
 
@@ -236,8 +249,8 @@ def _unbent(body: SuperquadricLike, x, y, z) -> tuple[np.ndarray, np.ndarray, np
 def _project(
     body: SuperquadricLike, directions: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Coordinates [fit, point] of the straight body's surface along `directions` [point, 3] of the
-    scaled frame."""
+    """Coordinates [fit, point] of the straight body's surface along `directions` [point, 3] or
+    [fit, point, 3] of the scaled frame."""
     e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
     along = _planes(directions)
     lx, ly, lz = (np.log(c**2 + TINY) for c in along)

@@ -5,6 +5,7 @@ deviations, and the table as one touch at the lowest point. A wide prior over th
 parameter keeps the matrix regular, for example if a rotation is undetermined.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
     superquadric_areas_of,
+    superquadric_heights,
     superquadric_points,
     superquadric_volume,
 )
@@ -27,6 +29,8 @@ FLAT = 0.1
 MIN_SIGMA_M = 1e-9
 """Minimum standard deviation of a touch [m]."""
 _NORMAL_90 = 1.645
+Shifts = Float[np.ndarray, "fit point error"]
+"""By how much errors move touches along their normals [m]."""
 
 
 @dataclass(frozen=True)
@@ -57,14 +61,15 @@ def superquadric_uncertainty(
     table_z: float | np.ndarray | None = None,
     sigma_floor_m: float = 1e-3,
     table_sigma_m: float = 5e-4,
-    shared_m: Float[np.ndarray, "fit point error"] | None = None,
+    shared_m: Shifts | Callable[[np.ndarray], Shifts] | None = None,
 ) -> SuperquadricUncertainty:
     """Uncertainty of `fit` to `points` [m] with the evidence it was fitted to.
 
     Without `covariance` [m^2] the noise is estimated from the residuals. With it, the variance of
     each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `shared_m` are
     errors that touches share and that do not average out (calibration, skin): by how much one
-    standard deviation of each moves each touch along the normal.
+    standard deviation of each moves each touch along the normal; or a function that says so of the
+    unit normals (fit, point, 3).
     """
     body = _body(fit)
     points = np.asarray(points, float)
@@ -88,7 +93,8 @@ def superquadric_uncertainty(
     unit = np.linalg.inv(information)
     if shared_m is not None:
         # What least squares make of each of these errors.
-        moved = np.where(kept[..., None], shared_m / sigma[..., None], 0.0)
+        shifts = shared_m(normal) if callable(shared_m) else shared_m
+        moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
         shared = unit @ (np.swapaxes(rows, 1, 2) @ moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
@@ -174,8 +180,7 @@ def _sigma(distance, normal, kept, parameters, covariance, floor) -> np.ndarray:
 
 def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     """Derivative of the body's lowest height, averaged over points near it."""
-    points = superquadric_points(body, 600)
-    height = points[..., 2]
+    height = superquadric_heights(body, 600)
     low, high = height.min(axis=1, keepdims=True), height.max(axis=1, keepdims=True)
     counts = height - low < 0.01 * (high - low)
     # Only the lowest points are computed further, summed in order, so that fits are independent.
@@ -186,7 +191,7 @@ def _table_slope(body: SuperquadricLike, prior) -> np.ndarray:
     weight *= counts
     weight = weight / np.maximum(weight.sum(axis=1, keepdims=True), 1e-300)
     weight = np.take_along_axis(weight, lowest, 1)
-    slopes = distance_slopes(body, np.take_along_axis(points, lowest[..., None], 1))
+    slopes = distance_slopes(body, superquadric_points(body, 600, lowest))
     return prior * np.where(weight[..., None] != 0, weight[..., None] * slopes, 0.0).sum(axis=1)
 
 

@@ -18,7 +18,6 @@ from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import (
     SuperquadricUncertainty,
     superquadric_uncertainty,
-    surface_distance,
     surface_std,
 )
 from strategies.contacts.felt import FOOT_M, Felt, packed, unfelt_distance
@@ -125,10 +124,9 @@ def surface_spread(
 def _of_superquadrics(
     body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable
 ) -> SuperquadricUncertainty:
-    _, normal = surface_distance(body, felt.points_m)
-    shared = shared_shifts(links, felt.points_m, normal, errors, arm)
-    return superquadric_uncertainty(body, felt.points_m, felt.mask, table_z=0.0,
-                                    covariance=felt.covariance_m2, shared_m=shared)
+    return superquadric_uncertainty(
+        body, felt.points_m, felt.mask, table_z=0.0, covariance=felt.covariance_m2,
+        shared_m=lambda normal: shared_shifts(links, felt.points_m, normal, errors, arm))
 
 
 def _of_contours(
