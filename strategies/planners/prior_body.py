@@ -31,7 +31,7 @@ of the prior, the rest allows for bodies that are not cylinders [est]."""
 LEAST_RADIUS_M = 0.010
 _AROUND, _LEVELS = 8, 3
 _OPTIONS = SuperquadricOptions(taper=True, residual="radial", loss="cauchy", upright_starts=True,
-                               screen_iterations=3, settle_iterations=4, iterations=8)
+                               iterations=12)
 
 
 def planning_belief(
