@@ -40,7 +40,7 @@ AT_RIM, AT_AXIS = 0.03, 0.80
 """Probability of an object at the prior's rim and at its axis [est]."""
 SURE = 0.97
 """Of a touch: what is met more surely is not passed."""
-PLACES = 60
+PLACES_APART = 60
 """So many places of the open hand and its way in bar it each by itself, however many balls stand
 for them: beliefs of neighbours go together [est]."""
 ON_TABLE_M = 0.0005
@@ -121,7 +121,7 @@ class Occupancy:
         looks = Looks()
         looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
         looks.lowest, looks.sure = lowest_m, SURE
-        looks.share = min(PLACES / len(open_m), 1.0)
+        looks.share = min(PLACES_APART / len(open_m), 1.0)
         self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)},
                      ("barred", "gain", "place"), looks=looks, closely=closely,
                      open_ball=open_m, swept_ball=swept.balls_m, feels=swept.feels, met=swept.met,

@@ -5,7 +5,7 @@ import pytest
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.hand_samples import HandSamples, SweptFingers
-from strategies.foresight.occupancy import CELLS, ON_TABLE_M, PLACES, SURE, Occupancy
+from strategies.foresight.occupancy import CELLS, ON_TABLE_M, PLACES_APART, SURE, Occupancy
 from strategies.foresight.prospect_kernel import MOST_FINGERS
 
 RADIUS_M, LOWEST_M, CELL_M = 0.008, 0.02, 0.005
@@ -96,7 +96,7 @@ def expected(grid: Occupancy, samples: HandSamples, world: int, pose: np.ndarray
         gain[f] = sum(value for value, _ in touches)
         if gain[f] > 0.0:
             place[f] = max(touches, key=lambda touch: touch[0])[1]
-    return max(likeliest, 1.0 - free ** (PLACES / len(samples.open_m))), gain, place
+    return max(likeliest, 1.0 - free ** (PLACES_APART / len(samples.open_m))), gain, place
 
 
 def test_what_is_foreseen_is_what_the_balls_meet_one_by_one() -> None:
