@@ -59,8 +59,8 @@ def box_of(view: "DepthView") -> tuple[SeenBox, np.ndarray]:
     height = np.nanquantile(points[..., 2], 1 - OUTERMOST, axis=1)
     half_width, seen_deep = ((high - low) / 2 for low, high in ends)
     # A pixel of the edge sees the object somewhere within it, in the mean half way.
-    pixel = np.nan_to_num(np.nanmedian(np.where(found, view.depth_m, np.nan), (1, 2))
-                          ) / view.focal_pixels
+    depth = np.where(found, view.depth_m, np.nan)
+    pixel = np.nanmedian(np.where(whole[:, None, None], depth, 0.0), (1, 2)) / view.focal_pixels
     half_width, height = half_width + pixel / 2, height + pixel / 2
     half_deep = np.maximum(seen_deep, np.minimum(half_width, height / 2))
     place = (right[:, :2] * (ends[0].sum(0) / 2)[:, None]

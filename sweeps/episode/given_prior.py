@@ -132,8 +132,8 @@ def seen_prior(
         assert isinstance(drawn, BoundingBox)
         return or_drawn(box, whole, drawn), np.where(
             whole, "", "object.prior depth: the object is not seen whole in the image; a larger "
-            "stereo.field_of_view_deg or distance_mm shows a large one, smaller ones a small one"
-            ).astype(object)
+            "stereo.field_of_view_deg or distance_mm shows a large one, smaller ones or more "
+            "stereo.pixels a small one").astype(object)
     seen, whole = see_cylinder(robot, target, table)
     cylinder = BoundingCylinder(*(
         np.where(whole, new, old) for new, old in (
@@ -142,5 +142,6 @@ def seen_prior(
             (np.maximum(seen.height_m, LEAST_HEIGHT_M), drawn.height_m))), margin_m=drawn.margin_m)
     why = np.where(whole, "", "object.prior silhouettes: the object is not seen whole in both "
                    "images; a larger stereo.field_of_view_deg or distance_mm shows a large one, "
-                   "smaller ones a small one, and fewer stereo.clutter leave it by itself")
+                   "smaller ones or more stereo.pixels a small one, and fewer stereo.clutter leave "
+                   "it by itself")
     return cylinder, why.astype(object)

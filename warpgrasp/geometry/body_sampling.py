@@ -25,6 +25,8 @@ _EVEN = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 """Multiples of this spread evenly over the unit cube (Roberts 2018; a root of x^4 = x + 1)."""
 GROUP = 16
 _LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
+_THIN_SHARE = 0.25
+"""Of half a wall, the ramp's most: ramps that meet within a wall count more than it holds [est]."""
 _ON_M = 1e-5  # points of the surface are so near to it
 _OUTSIDE_M = 2e-4
 
@@ -47,7 +49,7 @@ class BodySample:
     distance_m: np.ndarray
     """Signed distances of `about_m` to the surface, shape (inside,)."""
     ramp_m: float
-    """Half the spacing of `about_m`."""
+    """Half the spacing of `about_m`, or less where the body has thin walls."""
     volume_m3: float
 
     @cached_property
@@ -140,7 +142,8 @@ def _sample(keyed: KeyedBody, surface: int | None, inside: int) -> BodySample:
     order = np.argsort(side, kind="stable")
     skin, share = skin[order], share[order]
     spacing = float(np.sqrt(on.area.sum() / len(skin)))
-    ramp = 0.5 * (volume / inside) ** (1 / 3)
+    ramp = min(0.5 * (volume / inside) ** (1 / 3),
+               _THIN_SHARE * volume / float(on.area.sum()))
     # Any start of a Sobol sequence is even over the volume; a stride would not be.
     core = np.flatnonzero(distance < ramp)
     core = core[np.arange(inside) % len(core)]

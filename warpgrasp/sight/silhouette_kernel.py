@@ -8,6 +8,23 @@ from warpgrasp.geometry.scene import Scene, body_distance
 
 _MARCHES = wp.constant(200)
 _HIT = wp.constant(real(2e-4))  # [m]
+_HALVINGS = wp.constant(40)
+
+
+@wp.func
+def _entry(scene: Scene, body: int, start: vec3, ray: vec3, outside: real, inside: real):
+    """Where a ray enters the body, between a place outside it and one inside [m]."""
+    low = outside
+    high = inside
+    for _ in range(_HALVINGS):
+        middle = HALF * (low + high)
+        if body_distance(scene, body, start + ray * middle) < _HIT:
+            high = middle
+        else:
+            low = middle
+        if high - low < _HIT * HALF:
+            break
+    return high
 
 
 @wp.func
@@ -22,10 +39,15 @@ def _range(
     ray = wp.transform_vector(to_body, wp.normalize(axes * vec3(x, y, ONE)))
     start = wp.transform_point(to_body, centre)
     t = real(0.0)
+    outside = real(0.0)
     for _ in range(_MARCHES):
         d = body_distance(scene, body, start + ray * t)
+        if d < -_HIT:
+            # A distance to first order may be too long: the last step led into the body.
+            return _entry(scene, body, start, ray, outside, t)
         if d < _HIT:
             return t
+        outside = t
         t += wp.max(d, _HIT * HALF)
         if t > reach:
             return -ONE

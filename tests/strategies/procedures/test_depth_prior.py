@@ -1,5 +1,6 @@
 """Boxes by what is seen from one side, and what a view says of a grid's cells."""
 
+import warnings
 from dataclasses import replace
 from pathlib import Path
 
@@ -50,6 +51,17 @@ def test_what_is_round_has_its_own_box() -> None:
     assert np.abs(box.half_m - 0.035).max() < 0.004  # a matched pixel is 7 mm
     assert np.abs(np.stack([box.x_m - 0.45, box.y_m])).max() < 0.006
     assert np.abs(box.height_m - 0.120).max() < 0.004
+
+
+@pytest.mark.parametrize("words", [{"missing_depth": 0.95}, {"pixels": 16}])
+def test_of_what_is_hardly_seen_nothing_is_said(words: dict) -> None:
+    """Not on stderr either: a median of no depth at all warns."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        box, whole, _ = seen("small_cylinder", replace(EXACT, **words))
+    assert not whole.any()
+    assert np.isfinite(box.half_m).all()
+    assert np.isfinite(box.height_m).all()
 
 
 @pytest.mark.parametrize(("name", "table", "share"), [

@@ -5,11 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from felt_bodies import HANDLE, HEAD, box_points, felt_at, hammer
+from scipy.spatial.transform import Rotation
+from scipy.special import beta
 
+from fit.superquadric.geometry import superquadric
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.ready_made import STRATEGIES
 from strategies.reconstruct.parts import divisions, fitted_parts, parts_mesh
 from strategies.recovery.choose_model import OF_A_SUPERQUADRIC
+from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.misfit import schwarz
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
@@ -31,6 +35,21 @@ def test_a_hammer_is_two_parts_of_its_sizes() -> None:
     volume = 8.0 * (np.prod(HANDLE) + np.prod(HEAD))  # they meet in a face
     assert mesh.volume_m3 == pytest.approx(volume, rel=0.2)
     assert mesh.vertices_m[:, 2].min() > -1e-4
+
+
+def test_a_mesh_of_parts_has_the_volume_of_their_union() -> None:
+    """A rod 16 mm thick, turned to lie askew, and a ball beyond its end: by formulas."""
+    turned = Rotation.from_euler("z", 0.7)
+    parts = superquadric(
+        [[0.008, 0.008, 0.12], [0.02, 0.02, 0.02]], [[0.1, 1.0], [1.0, 1.0]],
+        [[0.45, 0.0, 0.05], turned.apply([0.15, 0.0, 0.05]) + [0.45, 0.0, 0.0]],
+        [(turned * Rotation.from_euler("y", np.pi / 2)).as_quat(), [0.0, 0.0, 0.0, 1.0]])
+    fits = replace(recover_bodies(felt_at(hammer()), None, TABLE)[0][np.zeros(2, int)],
+                   **parts._asdict())
+    mesh = parts_mesh(fits)
+    e = 0.1  # of a round superquadric: pi a^2 h times 2 / e times the beta function
+    rod = 2 * np.pi * 0.008**2 * 0.12 * 0.5 * e * beta(e / 2, e + 1)
+    assert mesh.volume_m3 == pytest.approx(rod + 4 / 3 * np.pi * 0.02**3, rel=0.03)
 
 
 def test_a_block_is_one() -> None:

@@ -1,6 +1,7 @@
 """Scores of meshes against trimesh, nearest neighbours and closed forms."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from fit.superquadric.geometry import Superquadric
 from sweeps.episode.mesh_scores import score_meshes, scores_with_meshes
 from sweeps.episode.scores import DENSE, FINE, Scorer, score_superquadrics
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 
 AT = np.array([[0.45, 0.1, 0, 0, 0, np.sin(0.4), np.cos(0.4)]])
 TURN = np.array([[np.cos(0.8), -np.sin(0.8), 0], [np.sin(0.8), np.cos(0.8), 0], [0, 0, 1]])
@@ -50,6 +51,35 @@ def test_an_inner_block_has_the_ratio_of_volumes() -> None:
     scores = score_meshes([placed(block(0.8))], body_from_name("block"), AT)
     assert scores.iou[0] == pytest.approx(0.8**3, abs=0.01)
     assert scores.volume_ratio[0] == pytest.approx(0.8**3, abs=0.01)
+
+
+def lens(one: float, other: float, apart: float) -> float:
+    """The area that two circles share whose middles are `apart`."""
+    if apart <= abs(one - other):
+        return np.pi * min(one, other) ** 2
+    along = (apart**2 + one**2 - other**2) / (2 * apart)
+    rest = apart - along
+    return (one**2 * np.arccos(along / one) + other**2 * np.arccos(rest / other)
+            - apart * np.sqrt(one**2 - along**2))
+
+
+@pytest.mark.parametrize("apart", [0.001, 0.002, 0.004])
+def test_thin_walls_beside_thin_walls_share_what_circles_say(apart: float) -> None:
+    """A cup 90 mm high with a wall of 3 mm and a foot of 5 mm, and the same moved aside."""
+    outer, inner = 0.040, 0.037
+    cup = body_from_table({"name": "cup", "compound": [
+        {"shape": "cylinder", "radius_mm": 40, "height_mm": 90},
+        {"shape": "cylinder", "radius_mm": 37, "height_mm": 90, "at_mm": [0, 0, 5],
+         "join": "difference"}]}, Path())
+    moved = trimesh.creation.revolve(np.array([
+        [0, 0], [outer, 0], [outer, 0.09], [inner, 0.09], [inner, 0.005], [0, 0.005]]),
+        sections=128)
+    moved.apply_translation([apart, 0, 0])
+    walls = lens(outer, outer, apart) - 2 * lens(outer, inner, apart) + lens(inner, inner, apart)
+    both = 0.005 * lens(outer, outer, apart) + 0.085 * walls
+    each = np.pi * (0.09 * outer**2 - 0.085 * inner**2)
+    assert score_meshes([placed(moved)], cup, AT).iou[0] == pytest.approx(
+        both / (2 * each - both), abs=0.01)
 
 
 def test_bodies_that_overlap_are_inside_where_both_are() -> None:

@@ -1,13 +1,14 @@
 """Depth images: against lines cut with solids by hand, and their errors as asked for."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
-from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.depth_view import MATCHED, DepthView, seen_depths
 from warpgrasp.sight.silhouette import stereo_cameras
@@ -36,6 +37,21 @@ def test_points_lie_on_the_side_that_faces_the_camera(name: str) -> None:
     towards = view.centre_m[0] - points[found]
     facing = (towards / np.linalg.norm(towards, axis=1, keepdims=True) * slope[0]).sum(1)
     assert facing.min() > -0.05
+
+
+def test_points_of_a_pointed_body_lie_on_it() -> None:
+    """Its distance to first order is too long far away: rays step into the body and back."""
+    body = body_from_table({"name": "cone", "superquadric": {
+        "size_mm": [40, 40, 60], "exponents": [1.0, 1.0], "taper": [-0.9, -0.9]}}, Path())
+    scene = scene_of([body], "cpu")
+    cameras = stereo_cameras(EXACT, np.array([[0.45, 0.0, 0.06]]))
+    points = seen_depths(scene, np.zeros(1, int), POSE[:1], cameras, EXACT,
+                         counter_key(4, np.arange(1))).points()[0]
+    own = (points[np.isfinite(points).all(1)] - POSE[0, :3] - [0.0, 0.0, 0.06]) / [
+        0.04, 0.04, 0.06]
+    assert len(own) > 150
+    radius = np.hypot(own[:, 0], own[:, 1]) / (1.0 - 0.9 * own[:, 2])
+    assert np.abs(np.hypot(radius, own[:, 2]) - 1.0).max() < 0.02
 
 
 def test_the_front_of_a_block_is_where_the_ray_meets_its_plane() -> None:
