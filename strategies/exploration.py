@@ -78,9 +78,9 @@ from warpgrasp.robot import Grasps, Robot
 _ROUNDED = 1e-9
 """By which the length of a quaternion may be off 1."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-_BY_WORLD = ("prior", "seed", "felt", "links", "active", "faulty", "steps", "stopped", "fault",
-             "profile", "whole", "touches", "time", "path", "fitted", "shape", "believed", "agrees")
-"""What an exploration holds of each world, but for faces and what it has not fitted yet."""
+_BY_WORLD = ("prior", "seed", "felt", "links", "news", "active", "faulty", "steps", "stopped",
+             "fault", "faces", "profile", "whole", "touches", "time", "path", "fitted", "shape",
+             "believed", "agrees")
 
 
 def explore(
@@ -134,7 +134,7 @@ class RunningExploration:
         self.intrinsic = robot.sensors.contact_estimator == "intrinsic"
         self.felt = no_evidence(worlds, radius)
         self.links = no_links(worlds, 0, robot.hand)
-        self.news: list[tuple[Evidence, TouchedLinks]] = []  # felt since the last fit
+        self.news: tuple[tuple[Evidence, TouchedLinks], ...] = ()  # felt since the last fit
         self.slots = 0
         self.contour = np.zeros(0, int)  # slots of touches along a contour
         self.procedures: list[Procedure] = []
@@ -143,7 +143,7 @@ class RunningExploration:
         self.faulty = np.zeros(worlds, bool)
         self.steps, self.stopped = np.zeros(worlds, int), np.zeros(worlds, bool)
         self.fault = np.full(worlds, "", object)
-        self.faces: list[Face] = []
+        self.faces: tuple[Face, ...] = ()
         self.profile: Profile | None = None  # as followed
         self.whole: Profile | None = None  # and completed by all else that was felt
         self.touches = np.zeros(worlds, int)
@@ -219,8 +219,6 @@ class RunningExploration:
         copied = copy(self)
         for name in _BY_WORLD:
             setattr(copied, name, rows_of(getattr(self, name), rows))
-        copied.faces = [rows_of(face, rows) for face in self.faces]
-        copied.news = [(rows_of(felt, rows), rows_of(links, rows)) for felt, links in self.news]
         copied.robot, copied.procedures = self.robot.rehearsing(rows), []
         mask = wanted_of(probe, len(rows), self.robot.hand) & copied.active[:, None]
         copied._grasp(probe, mask)
@@ -299,7 +297,7 @@ class RunningExploration:
             found = explore_plane(self.robot, point[:, face], normal[:, face],
                                   wanted=mask[:, face], options=probe.options)
             self._touched("planar", found, mask[:, face], FACE_TOUCHES)
-            self.faces.append(planes_of(found))
+            self.faces = *self.faces, planes_of(found)
 
     def _follow(self, probe: FollowContour, wanted: np.ndarray) -> None:
         found = explore_contour(self.robot, probe.axis, wanted=wanted, options=probe.options)
@@ -321,7 +319,7 @@ class RunningExploration:
         self.procedures.append(Procedure(name, self.step, found, wanted, slots))
 
     def _add(self, evidence: Evidence, links: TouchedLinks) -> None:
-        self.news = [*self.news, (evidence, links)]
+        self.news = *self.news, (evidence, links)
         self.slots += evidence.mask.shape[1]
 
     def _refit(self, rows: np.ndarray) -> None:
@@ -329,7 +327,7 @@ class RunningExploration:
         self.felt = joined_evidence(self.felt, *(evidence for evidence, _ in self.news))
         self.links = joined_links(self.links, *(links for _, links in self.news))
         new = newly_felt([evidence for evidence, _ in self.news], self.robot.worlds)
-        self.news = []
+        self.news = ()
         links = self.links if self.intrinsic else None
         self.fitted = refitted(self.fitted, self.felt, links, rows[new[rows]], self.steps,
                                self.believed, self.profile, self.table)
@@ -340,14 +338,9 @@ class RunningExploration:
         """The superquadrics last fitted."""
         return self.fitted.fits
 
-    @property
-    def placed(self) -> Evidence:
-        """What they were fitted to."""
-        return self.fitted.placed
-
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""
-        placed, prior = rows_of(self.placed, rows), rows_of(self.prior, rows)
+        placed, prior = rows_of(self.fitted.placed, rows), rows_of(self.prior, rows)
         near = touch_misfit(self.fits[rows], placed) < UNBELIEVED_M
         fitted = ((placed.mask.sum(1) >= FEWEST_CONTACTS) & near
                   & within_reach(self.fits[rows], prior))
@@ -377,8 +370,8 @@ class RunningExploration:
             or_prior(whole, self.prior, ~denied), turned)
         self.belief = read_only(Belief(
             self.step, self.active.copy(), self.prior, self.seed, self.robot.arm,
-            self.robot.hand, self.robot.sensors, self.closings, self.placed, self.fits,
-            self.believed, whole, tuple(self.faces), self.whole, self.shape, links=self.links,
+            self.robot.hand, self.robot.sensors, self.closings, self.fitted.placed, self.fits,
+            self.believed, whole, self.faces, self.whole, self.shape, links=self.links,
             errors=self.robot.errors, fit=self.table, unplaced=self.felt, **self._spent()))
 
     def _spent(self) -> dict[str, Any]:
@@ -389,7 +382,7 @@ class RunningExploration:
     def status(self) -> np.ndarray:
         """How each world ended."""
         known = self.recovered.shape > 0
-        enough = self.placed.mask.sum(1) >= FEWEST_CONTACTS
+        enough = self.fitted.placed.mask.sum(1) >= FEWEST_CONTACTS
         good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(

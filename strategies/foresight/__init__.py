@@ -8,4 +8,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hand_samples": ["HandSamples", "SweptFingers", "reached_place", "samples_of_hand"],
     "occupancy": ["Occupancy", "Prospect", "begin_occupancy"],
     "process_occupancy": ["occupancy_by_process"],
+    "surface_process": ["SurfaceProcess", "matern"],
 })

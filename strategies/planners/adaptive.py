@@ -11,12 +11,12 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from fit.superquadric.uncertainty import distance_slopes, surface_std
+from strategies.foresight.surface_process import SurfaceProcess
 from strategies.planners.any_object import FreeFormSearch
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.prior_body import planning_belief
 from strategies.planners.probes import Grasp, Probe
 from strategies.planners.register import planner, real_option
-from strategies.planners.surface_process import SurfaceProcess
 from strategies.planners.unguided import far_from_taken
 from strategies.recovery.belief import Belief
 

@@ -17,10 +17,10 @@ import numpy as np
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import Superquadric, superquadric_areas
 from fit.superquadric.uncertainty import distance_slopes, surface_distance
+from strategies.foresight.surface_process import SurfaceProcess, matern
 from strategies.planners.adaptive import OneAtATime
 from strategies.planners.candidates import predicted_touches
 from strategies.planners.register import planner, real_option
-from strategies.planners.surface_process import SurfaceProcess, matern
 from strategies.recovery.belief import Belief
 from warpgrasp.mechanism.arm_reach import travel_time
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 from beliefs import belief, on_side
 
+from strategies.foresight.surface_process import SurfaceProcess
 from strategies.planners.candidates import candidate_poses, predicted_touches
 from strategies.planners.expected_error import ExpectedError, _falls
-from strategies.planners.surface_process import SurfaceProcess
 
 
 def test_the_fall_is_that_of_conditioning_by_hand() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from strategies.planners.surface_process import SurfaceProcess, matern
+from strategies.foresight.surface_process import SurfaceProcess, matern
 
 SPREADS = (0.3, 0.6, 1.2, 2.5, 5.0)
 
