@@ -21,6 +21,7 @@ from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
 
+from strategies.planners.planner_file import environment_without_planners
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
@@ -32,6 +33,8 @@ from warpgrasp.core.cache_file import cache_root, drop_cached
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
 UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
+LOOK_S = 1.0  # between two looks at the workers, at most
+STOPPED_S = 5.0  # between two looks: a batch system has suspended the run, and its workers
 SAY_WHERE_S = 0.5  # for a hanging worker to do so
 LOG_TAIL = 20_000  # characters of a worker's output kept with a failed unit
 LOG_BYTES = 4 << 20  # a worker's log that grows beyond is cut to its end
@@ -74,6 +77,7 @@ class _Run:
     early_deaths: int = 0  # in a row
     crashes: int = 0
     draining: bool = False  # no more units are handed out
+    looked: float = field(default_factory=time.monotonic)  # at the workers, last
 
     def go(self) -> None:
         while True:
@@ -81,7 +85,8 @@ class _Run:
             self._hand_out()  # which may find that nothing was left
             if self.work.over:
                 return
-            ready = wait([slot.pipe for slot in self.slots], timeout=1.0)
+            ready = wait([slot.pipe for slot in self.slots], timeout=LOOK_S)
+            self._leave_out_stops()
             for number, slot in enumerate(self.slots):
                 if slot.pipe in ready:
                     self.slots[number] = self._hear(slot, number + 1)
@@ -93,6 +98,14 @@ class _Run:
             self.work.progress.tick(self.work.running)
             if self.draining and not any(slot.sent for slot in self.slots):
                 return
+
+    def _leave_out_stops(self) -> None:
+        """Time in which this process stood still is not counted as the workers'."""
+        now = time.monotonic()
+        if now - self.looked > STOPPED_S:
+            for slot in self.slots:
+                slot.since = min(now, slot.since + now - self.looked)
+        self.looked = now
 
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Ctrl-C or SIGTERM: the units in hand are waited for; a second one does not wait."""
@@ -328,10 +341,12 @@ def _tail(log: Path) -> str:
 
 @contextmanager
 def as_a_worker() -> Iterator[None]:
-    """The environment that a worker must find before it imports anything."""
-    before = dict(os.environ)
-    os.environ.update(ENVIRONMENT)
+    """The environment that a worker must find before it imports anything; what a planner's file
+    changed in this process is not for the others' workers."""
+    before, clean = dict(os.environ), environment_without_planners()
     try:
+        os.environ.clear()
+        os.environ.update(clean | ENVIRONMENT)
         yield
     finally:
         os.environ.clear()

@@ -2,8 +2,10 @@ import csv
 import io
 import os
 import shutil
+import time
 from multiprocessing import connection
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import fake_episodes
@@ -194,6 +196,25 @@ def test_a_unit_that_hangs_is_set_aside_and_the_rest_goes_on(tmp_path: Path) -> 
     assert "in hanging_episodes" in log  # where it hung
     assert log.endswith("stopped: it took longer than 1.5 s (--unit-timeout-s)\n")
     assert run_in(tmp_path, plan) == Outcome(kept=1, done=1)
+
+
+def test_time_in_which_the_run_was_suspended_does_not_count(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asleep, real = 0.0, runner.wait
+
+    def suspended_once(pipes: list[Any], timeout: float) -> list[Any]:
+        nonlocal asleep
+        if asleep or not list((tmp_path / "units").glob("*.parquet")):
+            return real(pipes, timeout=timeout)
+        asleep = 4000.0
+        return []
+
+    monkeypatch.setattr(runner, "wait", suspended_once)
+    monkeypatch.setattr(runner, "time", SimpleNamespace(
+        monotonic=lambda: time.monotonic() + asleep))
+    monkeypatch.setattr(runner._Run, "_replace", lambda *given, **named: pytest.fail("replaced"))
+    assert run_in(tmp_path, plan_of(tmp_path / "spec"), "slow_episodes") == Outcome(done=8)
+    assert asleep
 
 
 def test_a_flipped_bit_is_found_when_asked_for_and_by_every_ranking(
