@@ -15,7 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
@@ -30,6 +30,7 @@ from sweeps.run.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 from sweeps.spec.cell import own_code
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.cache_file import cache_root, drop_cached
+from warpgrasp.core.plain_text import counted
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
 UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
@@ -112,13 +113,15 @@ class _Run:
         if self.draining:
             raise KeyboardInterrupt
         self.draining = True
+        count = sum(len(slot.units) for slot in self.slots if slot.sent)
+        if not count:
+            return
         now = time.monotonic()
         left = max([len(slot.units) * self.work.unit_s(slot.units[0]) - (now - slot.since)
                     for slot in self.slots if slot.sent], default=0.0)
         self.work.progress.say(
-            f"interrupted: waiting for the {sum(len(s.units) for s in self.slots if s.sent)} units "
-            f"that are being run, about {max(1.0, left):.0f} s (estimate); interrupt again to stop "
-            "now, without them")
+            f"interrupted: waiting for {counted(count, 'unit')} being run, about "
+            f"{max(1.0, left):.0f} s (estimate); interrupt again to stop now, without them")
 
     def _start_workers(self) -> None:
         """As many as there is work for, which in a run decided in steps may come later."""
@@ -134,7 +137,7 @@ class _Run:
         process = context.Process(
             target=work, args=(theirs, self.options.function, self.options.device, log, first),
             name=f"warpgrasp worker {number}", daemon=True)
-        with as_a_worker():
+        with as_a_worker(), _interrupts_held():
             process.start()
         theirs.close()
         return _Slot(process, mine, log)
@@ -281,6 +284,17 @@ def run(plan: Plan, store: Store, options: Options, progress: Progress,
 def disk_error(reason: str) -> StoreError:
     """A unit that could not be written ends the run: the next would meet the same."""
     return StoreError(f"{reason}; finished units are kept, the same command goes on from there", 1)
+
+
+@contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Ctrl-C comes after it, and not to a process that is started in it."""
+    resource_tracker.ensure_running()  # whose start would let it through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

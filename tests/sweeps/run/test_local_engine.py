@@ -2,6 +2,7 @@ import csv
 import io
 import os
 import shutil
+import signal
 import time
 from multiprocessing import connection
 from pathlib import Path
@@ -15,6 +16,7 @@ from studies import SMALL, board, contents, plan_of, run_in
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
+from sweeps.run.local_engine import Options
 from sweeps.run.plan import Plan
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes
@@ -196,6 +198,21 @@ def test_a_unit_that_hangs_is_set_aside_and_the_rest_goes_on(tmp_path: Path) -> 
     assert "in hanging_episodes" in log  # where it hung
     assert log.endswith("stopped: it took longer than 1.5 s (--unit-timeout-s)\n")
     assert run_in(tmp_path, plan) == Outcome(kept=1, done=1)
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_is_starting(tmp_path: Path) -> None:
+    """The terminal sends it to all processes; tracebacks of starting ones hid the message."""
+    work: Any = SimpleNamespace(store=SimpleNamespace(logs=tmp_path))
+    current = runner._Run(work, Options(function="fake_episodes:run_episodes"))
+    slot = current._start_worker(1, first=True)
+    try:
+        for _ in range(20):
+            os.kill(slot.process.pid or 0, signal.SIGINT)
+            time.sleep(0.01)
+        assert slot.pipe.poll(60.0)
+        assert slot.pipe.recv().kind == "ready"
+    finally:
+        current._end(slot)
 
 
 def test_time_in_which_the_run_was_suspended_does_not_count(
