@@ -16,6 +16,7 @@ from studies import SMALL, board, contents, plan_of, run_in
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
+from sweeps.run.grown_units import reuse_units
 from sweeps.run.local_engine import Options
 from sweeps.run.plan import Plan
 from sweeps.run.scheduler import Outcome
@@ -232,6 +233,22 @@ def test_time_in_which_the_run_was_suspended_does_not_count(
     monkeypatch.setattr(runner._Run, "_replace", lambda *given, **named: pytest.fail("replaced"))
     assert run_in(tmp_path, plan_of(tmp_path / "spec"), "slow_episodes") == Outcome(done=8)
     assert asleep
+
+
+def test_units_that_are_links_are_taken_over_as_files(
+        whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    """Links to them broke as the other study was moved, or stood in another folder."""
+    plan, folder = whole
+    shutil.copytree(folder, tmp_path / "old")
+    shutil.copytree(folder, tmp_path / "links")
+    for file in (tmp_path / "links/units").iterdir():
+        file.unlink()
+        file.symlink_to(Path("../../old/units") / file.name)
+    store = Store(tmp_path / "some/where")
+    store.open_for(plan, None, "cpu")
+    assert reuse_units(plan, store, [Store(tmp_path / "links")]) == 8
+    shutil.rmtree(tmp_path / "old")
+    assert contents(store.folder) == contents(folder)
 
 
 def test_a_flipped_bit_is_found_when_asked_for_and_by_every_ranking(
