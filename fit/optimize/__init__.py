@@ -8,5 +8,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "pieces": ["PIECE", "Span", "divided", "sum_of_pieces", "undivided"],
     "program_cache": ["has_cached_programs"],
     "solver": ["NormalEquations", "normal_equations_of", "robust"],
-    "xla_flags": ["force_materialize"],
+    "xla_flags": ["ONE_THREAD", "OPTIONS", "force_materialize"],
 })

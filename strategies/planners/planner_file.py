@@ -32,6 +32,8 @@ class PlannerFile:
 
 
 _RUN: dict[Path, PlannerFile] = {}
+_SET: dict[str, tuple[str | None, str | None]] = {}
+"""Environment variables that such files have changed as they were run: as they were, and are."""
 
 
 def planner_file(file: Path) -> PlannerFile:
@@ -50,6 +52,13 @@ def planner_file(file: Path) -> PlannerFile:
     return known
 
 
+def environment_without_planners() -> dict[str, str]:
+    """The environment of this process without what files of planners have changed in it."""
+    found: dict[str, str | None] = dict(os.environ)
+    found |= {name: before for name, (before, after) in _SET.items() if found.get(name) == after}
+    return {name: value for name, value in found.items() if value is not None}
+
+
 def files_beside(file: Path) -> Mapping[str, str]:
     """What a file imported from beside it when it was last run, and hashes; it is run if need be.
 
@@ -65,7 +74,7 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
         raise PlannerError(f"{file}: is no Python file")
     module = importlib.util.module_from_spec(spec)
     folder = str(place.parent)
-    others = _taken_out(folder)
+    others, environment = _taken_out(folder), dict(os.environ)
     sys.modules[label] = module
     sys.path.insert(0, folder)
     importlib.invalidate_caches()
@@ -84,6 +93,9 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
             sys.path.remove(folder)
         _taken_out(folder)
         sys.modules.update(others)
+        for name in {*environment, *os.environ}:
+            if (now := os.environ.get(name)) != environment.get(name):
+                _SET[name] = _SET.get(name, (environment.get(name),))[0], now
     return PlannerFile(module, content, beside)
 
 

@@ -1,4 +1,4 @@
-"""What could change the bits of a result: versions, processor, device, commit."""
+"""What could change the bits of a result: versions, processor, device, commit, variables."""
 
 import os
 import platform
@@ -6,6 +6,8 @@ import subprocess
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+from strategies.planners.planner_file import environment_without_planners
 
 PACKAGES = ("warpgrasp", "warp-lang", "jax", "jaxlib", "jaxopt", "numpy", "scipy", "trimesh",
             "pyarrow")
@@ -21,7 +23,20 @@ def describe_environment(device: str) -> dict[str, Any]:
         "processor": _processor(),
         "commit": _commit(),
         **{f"version.{name}": _version(name) for name in PACKAGES},
+        **_variables(),
     }
+
+
+def _variables() -> dict[str, str]:
+    """Environment variables of the user's that change how workers compute, where they are set."""
+    given = environment_without_planners()
+    found = {name: given.get(name, "") for name in ("XLA_FLAGS", "OPENBLAS_CORETYPE")}
+    if flags := found["XLA_FLAGS"].split():
+        from fit.optimize.xla_flags import ONE_THREAD, OPTIONS  # imports JAX
+
+        found["XLA_FLAGS"] = " ".join(
+            flag for flag in flags if flag not in (OPTIONS, ONE_THREAD))
+    return {name: text for name, text in found.items() if text}
 
 
 def _version(name: str) -> str | None:

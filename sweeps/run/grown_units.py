@@ -116,7 +116,7 @@ def _take(store: Store, other: Store, unit: Unit) -> bool:
             return False
     for theirs, (ours, _) in reversed(pairs):  # the rows last: a unit that is there is whole
         try:
-            os.link(theirs, ours)
+            os.link(theirs.resolve(), ours)  # of a link, the file: it may go away
         except OSError:  # on another disk, or there already
             write_atomic(ours, theirs.read_bytes())
     return True

@@ -15,12 +15,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
-from multiprocessing import get_context
+from multiprocessing import get_context, resource_tracker
 from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 from types import FrameType
 
+from strategies.planners.planner_file import environment_without_planners
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
@@ -29,9 +30,12 @@ from sweeps.run.worker import ENVIRONMENT, EPISODES, SAY_WHERE, Report, work
 from sweeps.spec.cell import own_code
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.cache_file import cache_root, drop_cached
+from warpgrasp.core.plain_text import counted
 
 EARLY_DEATHS = 2  # workers that may die before they are ready
 UNIT_TIMEOUT_S = 3600.0  # a unit takes seconds; what takes this long hangs
+LOOK_S = 1.0  # between two looks at the workers, at most
+STOPPED_S = 5.0  # between two looks: a batch system has suspended the run, and its workers
 SAY_WHERE_S = 0.5  # for a hanging worker to do so
 LOG_TAIL = 20_000  # characters of a worker's output kept with a failed unit
 LOG_BYTES = 4 << 20  # a worker's log that grows beyond is cut to its end
@@ -74,6 +78,7 @@ class _Run:
     early_deaths: int = 0  # in a row
     crashes: int = 0
     draining: bool = False  # no more units are handed out
+    looked: float = field(default_factory=time.monotonic)  # at the workers, last
 
     def go(self) -> None:
         while True:
@@ -81,7 +86,8 @@ class _Run:
             self._hand_out()  # which may find that nothing was left
             if self.work.over:
                 return
-            ready = wait([slot.pipe for slot in self.slots], timeout=1.0)
+            ready = wait([slot.pipe for slot in self.slots], timeout=LOOK_S)
+            self._leave_out_stops()
             for number, slot in enumerate(self.slots):
                 if slot.pipe in ready:
                     self.slots[number] = self._hear(slot, number + 1)
@@ -94,18 +100,28 @@ class _Run:
             if self.draining and not any(slot.sent for slot in self.slots):
                 return
 
+    def _leave_out_stops(self) -> None:
+        """Time in which this process stood still is not counted as the workers'."""
+        now = time.monotonic()
+        if now - self.looked > STOPPED_S:
+            for slot in self.slots:
+                slot.since = min(now, slot.since + now - self.looked)
+        self.looked = now
+
     def interrupt(self, number: int, frame: FrameType | None) -> None:
         """Ctrl-C or SIGTERM: the units in hand are waited for; a second one does not wait."""
         if self.draining:
             raise KeyboardInterrupt
         self.draining = True
+        count = sum(len(slot.units) for slot in self.slots if slot.sent)
+        if not count:
+            return
         now = time.monotonic()
         left = max([len(slot.units) * self.work.unit_s(slot.units[0]) - (now - slot.since)
                     for slot in self.slots if slot.sent], default=0.0)
         self.work.progress.say(
-            f"interrupted: waiting for the {sum(len(s.units) for s in self.slots if s.sent)} units "
-            f"that are being run, about {max(1.0, left):.0f} s (estimate); interrupt again to stop "
-            "now, without them")
+            f"interrupted: waiting for {counted(count, 'unit')} being run, about "
+            f"{max(1.0, left):.0f} s (estimate); interrupt again to stop now, without them")
 
     def _start_workers(self) -> None:
         """As many as there is work for, which in a run decided in steps may come later."""
@@ -121,7 +137,7 @@ class _Run:
         process = context.Process(
             target=work, args=(theirs, self.options.function, self.options.device, log, first),
             name=f"warpgrasp worker {number}", daemon=True)
-        with as_a_worker():
+        with as_a_worker(), _interrupts_held():
             process.start()
         theirs.close()
         return _Slot(process, mine, log)
@@ -271,6 +287,17 @@ def disk_error(reason: str) -> StoreError:
 
 
 @contextmanager
+def _interrupts_held() -> Iterator[None]:
+    """Ctrl-C comes after it, and not to a process that is started in it."""
+    resource_tracker.ensure_running()  # whose start would let it through
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
 def _handled_by(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
     """SIGINT and SIGTERM go to a handler, where they are not ignored."""
     before = {}
@@ -328,10 +355,12 @@ def _tail(log: Path) -> str:
 
 @contextmanager
 def as_a_worker() -> Iterator[None]:
-    """The environment that a worker must find before it imports anything."""
-    before = dict(os.environ)
-    os.environ.update(ENVIRONMENT)
+    """The environment that a worker must find before it imports anything; what a planner's file
+    changed in this process is not for the others' workers."""
+    before, clean = dict(os.environ), environment_without_planners()
     try:
+        os.environ.clear()
+        os.environ.update(clean | ENVIRONMENT)
         yield
     finally:
         os.environ.clear()

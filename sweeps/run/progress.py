@@ -22,7 +22,7 @@ def read_note(file: Path) -> dict[str, Any]:
         return {"running": int(found["running"]), "units_per_s": float(found["units_per_s"] or 0),
                 "past": sum(int(found[name]) for name in ("kept", "done", "failed")),
                 "total": int(found["total"])}
-    except (OSError, ValueError, TypeError, KeyError, RecursionError):
+    except (OSError, ValueError, TypeError, KeyError, OverflowError, RecursionError):
         return {"running": 0, "units_per_s": 0.0, "past": 0, "total": 0}
 
 

@@ -274,7 +274,12 @@ class Store:
         except OSError as error:
             raise self._unwritable(error) from None
         try:
-            if not _locked(descriptor):
+            try:
+                free = _locked(descriptor)
+            except OSError as error:
+                raise StoreError(f"{file}: cannot be locked: {error.strerror}; choose a directory "
+                                 "on a file system that has flock") from None
+            if not free:
                 holder = os.read(descriptor, 200).decode(errors="replace").strip()
                 raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
                            "wait for it, or give each run its own --shard I/N")
@@ -284,15 +289,18 @@ class Store:
                           0)
             except OSError as error:
                 raise self._unwritable(error) from None
-            if len(self.holders(unknown=True)) == 1:  # nobody else writes: killed runs left these
-                self._remove_temporaries()
+            # listed before it is known that nobody else writes: who begins later has none of these
+            left = self._all_temporaries()
+            if len(self.holders(unknown=True)) == 1:
+                for file in left:  # of killed runs
+                    file.unlink(missing_ok=True)
             yield
         finally:
             os.close(descriptor)
 
     def holders(self, unknown: bool = False) -> dict[str, str]:
-        """Who works on this directory right now, by shard (`1-of-3`). Of a lock that may not be
-        read it is `unknown`; asked for, it stands there as held."""
+        """Who works on this directory right now, by shard (`1-of-3`). Of a lock that cannot be
+        looked at it is `unknown`; asked for, it stands there as held."""
         found: dict[str, str] = {}
         for file in sorted(self.folder.glob(".lock-*")):
             shard = file.name.removeprefix(".lock-")
@@ -302,7 +310,7 @@ class Store:
                         fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
                     except BlockingIOError:
                         found[shard] = stream.read(200).decode(errors="replace")
-            except PermissionError:
+            except OSError:  # it may not be read, or the file system has no flock
                 found |= {shard: ""} if unknown else {}
         return found
 
@@ -310,11 +318,10 @@ class Store:
         """Where a run of a shard (`1-of-3`) notes how far it is."""
         return self.logs / f"progress-{shard}.json"
 
-    def _remove_temporaries(self) -> None:
+    def _all_temporaries(self) -> list[Path]:
         """Those of `write_atomic`; in the study's own folder by the names of its own files."""
         own = [self.folder.glob(f".{name}.{'[0-9a-f]' * 12}.tmp") for name in OWN_FILES]
-        for left in chain(self._temporaries(), self.logs.glob(".*.tmp"), *own):
-            left.unlink(missing_ok=True)
+        return [*chain(self._temporaries(), self.logs.glob(".*.tmp"), *own)]
 
     def _temporaries(self, of: str = "*") -> Iterator[Path]:
         """Temporary files of units, or of one by its id."""

@@ -68,6 +68,7 @@ def work(pipe: Connection, function: str, device: str, log: Path, first: bool) -
     another keeps what that one's planners printed.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides what Ctrl-C means
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})  # held at its start
     os.setpgrp()  # so that what a planner starts can be ended with its worker
     os.register_at_fork(after_in_child=lambda: _leave_to(pipe))
     _redirect_output(log, first)

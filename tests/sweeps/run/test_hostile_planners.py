@@ -13,6 +13,7 @@ import pytest
 from studies import contents, plan_of, run_in
 
 from strategies.planners.guarded_call import EndedProcess, guarded_call
+from strategies.planners.planner_file import planner_file
 from strategies.planners.register import fault_text
 from sweeps.run import local_engine as runner
 from sweeps.run.local_engine import Options
@@ -177,6 +178,27 @@ def test_folder_and_numpy_are_as_before_after_a_call(tmp_path: Path) -> None:
     with pytest.raises(ZeroDivisionError), guarded_call():
         choose()
     assert (Path.cwd(), np.geterr()) == before
+
+
+def test_a_variable_that_a_file_sets_is_not_for_the_workers_of_others(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Flags of XLA that one set changed the rows of other strategies."""
+    for name, value in (("FAKE_KEPT", "a"), ("FAKE_TAKEN", "b"), ("FAKE_NEW", "c")):
+        monkeypatch.setenv(name, value)
+    monkeypatch.delenv("FAKE_NEW")
+    file = tmp_path / "p.py"
+    file.write_text("import os\nos.environ.update(FAKE_KEPT='x', FAKE_NEW='y')\n"
+                    "os.environ.pop('FAKE_TAKEN', None)\n")
+    planner_file(file)
+    file.write_text(file.read_text() + "os.environ['FAKE_KEPT'] = 'z'\n")
+    planner_file(file)
+
+    def seen() -> list[str | None]:
+        return [os.environ.get(f"FAKE_{name}") for name in ("KEPT", "TAKEN", "NEW")]
+
+    with runner.as_a_worker():
+        assert seen() == ["a", "b", None]
+    assert seen() == ["z", None, "y"]
 
 
 def test_two_crashes_throw_compiled_programs_away(

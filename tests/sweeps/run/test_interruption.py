@@ -30,6 +30,23 @@ def test_a_study_survives_fifty_kills(tmp_path: Path) -> None:
     assert not wrong
 
 
+def test_temporaries_of_a_run_that_begins_meanwhile_stay(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = fill(tmp_path, plan_of(tmp_path))
+    left, written = (store.folder / f".spec.toml.{digit * 12}.tmp" for digit in "ab")
+    left.touch()
+    real = Store.holders
+
+    def begun_meanwhile(store: Store, unknown: bool = False) -> dict[str, str]:
+        found = real(store, unknown)
+        written.touch()
+        return found
+
+    monkeypatch.setattr(Store, "holders", begun_meanwhile)
+    with store.lock((1, 2)):
+        assert (left.exists(), written.exists()) == (False, True)
+
+
 class Faults:
     """Makes the n-th operation of a write fail: open, write (after half), fsync, replace."""
 

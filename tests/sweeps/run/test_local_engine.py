@@ -2,8 +2,11 @@ import csv
 import io
 import os
 import shutil
+import signal
+import time
 from multiprocessing import connection
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import fake_episodes
@@ -13,6 +16,8 @@ from studies import SMALL, board, contents, plan_of, run_in
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
+from sweeps.run.grown_units import reuse_units
+from sweeps.run.local_engine import Options
 from sweeps.run.plan import Plan
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes
@@ -194,6 +199,56 @@ def test_a_unit_that_hangs_is_set_aside_and_the_rest_goes_on(tmp_path: Path) -> 
     assert "in hanging_episodes" in log  # where it hung
     assert log.endswith("stopped: it took longer than 1.5 s (--unit-timeout-s)\n")
     assert run_in(tmp_path, plan) == Outcome(kept=1, done=1)
+
+
+def test_ctrl_c_does_not_reach_a_worker_that_is_starting(tmp_path: Path) -> None:
+    """The terminal sends it to all processes; tracebacks of starting ones hid the message."""
+    work: Any = SimpleNamespace(store=SimpleNamespace(logs=tmp_path))
+    current = runner._Run(work, Options(function="fake_episodes:run_episodes"))
+    slot = current._start_worker(1, first=True)
+    try:
+        for _ in range(20):
+            os.kill(slot.process.pid or 0, signal.SIGINT)
+            time.sleep(0.01)
+        assert slot.pipe.poll(60.0)
+        assert slot.pipe.recv().kind == "ready"
+    finally:
+        current._end(slot)
+
+
+def test_time_in_which_the_run_was_suspended_does_not_count(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asleep, real = 0.0, runner.wait
+
+    def suspended_once(pipes: list[Any], timeout: float) -> list[Any]:
+        nonlocal asleep
+        if asleep or not list((tmp_path / "units").glob("*.parquet")):
+            return real(pipes, timeout=timeout)
+        asleep = 4000.0
+        return []
+
+    monkeypatch.setattr(runner, "wait", suspended_once)
+    monkeypatch.setattr(runner, "time", SimpleNamespace(
+        monotonic=lambda: time.monotonic() + asleep))
+    monkeypatch.setattr(runner._Run, "_replace", lambda *given, **named: pytest.fail("replaced"))
+    assert run_in(tmp_path, plan_of(tmp_path / "spec"), "slow_episodes") == Outcome(done=8)
+    assert asleep
+
+
+def test_units_that_are_links_are_taken_over_as_files(
+        whole: tuple[Plan, Path], tmp_path: Path) -> None:
+    """Links to them broke as the other study was moved, or stood in another folder."""
+    plan, folder = whole
+    shutil.copytree(folder, tmp_path / "old")
+    shutil.copytree(folder, tmp_path / "links")
+    for file in (tmp_path / "links/units").iterdir():
+        file.unlink()
+        file.symlink_to(Path("../../old/units") / file.name)
+    store = Store(tmp_path / "some/where")
+    store.open_for(plan, None, "cpu")
+    assert reuse_units(plan, store, [Store(tmp_path / "links")]) == 8
+    shutil.rmtree(tmp_path / "old")
+    assert contents(store.folder) == contents(folder)
 
 
 def test_a_flipped_bit_is_found_when_asked_for_and_by_every_ranking(

@@ -91,6 +91,19 @@ def test_status_and_watch_do_without_a_lock_that_may_not_be_read(
     assert cli.run(["status", str(study.folder)]) == 0
 
 
+def test_a_file_system_without_flock_is_told(study: Store, monkeypatch: pytest.MonkeyPatch,
+                                             capsys: pytest.CaptureFixture[str]) -> None:
+    def none(descriptor: Any, operation: int) -> None:
+        raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
+
+    (study.folder / ".lock-1-of-1").touch()
+    monkeypatch.setattr(store_module.fcntl, "flock", none)
+    spec = study.folder.parent / "spec" / "spec.toml"
+    assert cli.run(["sweep", str(spec), "-o", str(study.folder)]) == 2
+    assert ".lock-1-of-1: cannot be locked: No locks available; " in capsys.readouterr().err
+    assert cli.run(["status", str(study.folder)]) == 0
+
+
 def test_watch_counts_units_that_may_not_be_read(study: Store, monkeypatch: pytest.MonkeyPatch
                                                  ) -> None:
     hidden = study.path(next(plan_of(study.folder / "again").units()))

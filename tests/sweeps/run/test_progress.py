@@ -1,9 +1,11 @@
 """What a run tells of itself while it goes on."""
 
+from pathlib import Path
+
 import pytest
 
 from sweeps.run import progress
-from sweeps.run.progress import Progress
+from sweeps.run.progress import Progress, read_note
 
 
 @pytest.fixture
@@ -39,3 +41,11 @@ def test_a_first_batch_that_comes_at_once_does_not_tell_an_endless_rate(
     for _ in range(8):
         told.done(64)
     assert told.rate == 4.0
+
+
+@pytest.mark.parametrize("number", ["1e999", "null", "NaN", '"x"', "[]"])
+def test_a_damaged_note_tells_of_no_run(tmp_path: Path, number: str) -> None:
+    file = tmp_path / "progress-1-of-1.json"
+    file.write_text(f'{{"running": {number}, "kept": 1, "done": 1, "failed": 0, "total": 3, '
+                    '"units_per_s": 1.0}')
+    assert read_note(file) == {"running": 0, "units_per_s": 0.0, "past": 0, "total": 0}
