@@ -1,11 +1,11 @@
-"""XLA compiler flags, set in the environment before JAX first asks for a device."""
+"""XLA compiler flags, set in the environment before JAX first asks for a device.
+
+JAX is imported where it is used: who runs a sweep reads the flags and does without it.
+"""
 
 import os
 from collections.abc import Callable
 from functools import lru_cache
-
-import jax
-import jax.numpy as jnp
 
 _EXTRA = "--xla_backend_extra_options="
 OPTIONS = f"{_EXTRA}xla_cpu_use_multi_output_fusion"
@@ -36,6 +36,9 @@ def xla_flags_active() -> bool:
     """
     if OPTIONS not in os.environ.get("XLA_FLAGS", ""):
         return True
+    import jax
+    import jax.numpy as jnp
+
     two = jax.jit(lambda x: (jnp.sin(x) + 1.0, jnp.sin(x) * 2.0))
     text = two.lower(jax.ShapeDtypeStruct((64,), "float32")).compile().as_text()
     return text is not None and text.count(" sine(") == 1
@@ -48,5 +51,7 @@ def force_materialize(places) -> Callable:
     computation with the argument's shape; a scalar would not do, because XLA turns a division by a
     broadcast scalar into a multiplication.
     """
+    import jax.numpy as jnp
+
     one = jnp.sign(1.0 + places * places)
     return lambda value: value / one

@@ -7,6 +7,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+from fit.optimize.xla_flags import ONE_THREAD, OPTIONS
 from strategies.planners.planner_file import environment_without_planners
 
 PACKAGES = ("warpgrasp", "warp-lang", "jax", "jaxlib", "jaxopt", "numpy", "scipy", "trimesh",
@@ -32,8 +33,6 @@ def _variables() -> dict[str, str]:
     given = environment_without_planners()
     found = {name: given.get(name, "") for name in ("XLA_FLAGS", "OPENBLAS_CORETYPE")}
     if flags := found["XLA_FLAGS"].split():
-        from fit.optimize.xla_flags import ONE_THREAD, OPTIONS  # imports JAX
-
         found["XLA_FLAGS"] = " ".join(
             flag for flag in flags if flag not in (OPTIONS, ONE_THREAD))
     return {name: text for name, text in found.items() if text}

@@ -189,7 +189,7 @@ def test_a_body_far_from_its_touches_is_rewarded_no_more_than_in_a_sweep(
     rows, worlds, _ = plain
     run = worlds._run
     rejected = np.flatnonzero(run.believed)[:1]
-    away = touch_misfit(run.fits, run.placed)
+    away = touch_misfit(run.fits, run.fitted.placed)
     assert len(rejected) == 1
     monkeypatch.setattr("strategies.exploration.UNBELIEVED_M", 0.99 * away[rejected[0]])
     strict, worlds, info = sweep_and_environment()
