@@ -150,9 +150,11 @@ class MostInformation(OneAtATime):
         spread = slopes @ belief.parameter_uncertainty.covariance / TOUCH_SIGMA_M**2
         met = found.any(-1)
         one, other = (v.reshape(worlds, candidates, fingers, 15)[met] for v in (slopes, spread))
-        factor = np.linalg.cholesky(np.eye(fingers) + other @ np.swapaxes(one, 1, 2))
         gain = np.zeros((worlds, candidates))
-        gain[met] = np.log(np.diagonal(factor, axis1=1, axis2=2)).sum(1)
+        # No Cholesky factor, which would fail in all worlds for the covariance of one.
+        with np.errstate(all="ignore"):
+            gain[met] = 0.5 * np.linalg.slogdet(
+                np.eye(fingers) + other @ np.swapaxes(one, 1, 2))[1]
         return gain
 
 

@@ -79,6 +79,16 @@ def test_information_is_that_of_the_linear_model() -> None:
     assert np.allclose(gain[just_sides], 0.5 * np.log1p(spread)[just_sides], rtol=0.05, atol=0.02)
 
 
+def test_a_covariance_that_is_none_spoils_the_information_of_its_own_world_alone() -> None:
+    here = belief(on_side(0, 360))
+    poses, reachable = candidate_poses(here)
+    alone = MostInformation().gain(here, poses, reachable)
+    spoilt = here.parameter_uncertainty.covariance.copy()
+    spoilt[0] = np.nan
+    here.__dict__["parameter_uncertainty"] = replace(here.parameter_uncertainty, covariance=spoilt)
+    np.testing.assert_array_equal(MostInformation().gain(here, poses, reachable)[1], alone[1])
+
+
 def test_options_a_planner_cannot_use_are_refused_by_name() -> None:
     for value in ("wide", True, 2.0):
         with pytest.raises(PlannerError, match=r"length_m.*should be a number from 0\.001 to 1"):
