@@ -38,11 +38,15 @@ SETS = {"public": 0, "held-out": HELD_OUT}
 
 
 def family_hint(name: str) -> str:
-    """Which members the family has that `name` seems to be of, for a message; else nothing."""
-    family = name.partition("-")[0]
-    if family not in FAMILY_NAMES:
-        return ""
-    return f"{family}-0 to {family}-{MOST_SEED} are made by seed; "
+    """Which members the family has that `name` seems to be of, for a message; which families there
+    are, where it is of none but numbered like a member; else nothing."""
+    family, _, number = name.partition("-")
+    if family in FAMILY_NAMES:
+        return f"{family}-0 to {family}-{MOST_SEED} are made by seed; "
+    if number.isdigit():
+        known = list(FAMILY_NAMES)
+        return f"made by seed, such as {known[0]}-1, are {', '.join(known)}; "
+    return ""
 
 
 def member_of_family(name: str) -> tuple[str, int] | None:

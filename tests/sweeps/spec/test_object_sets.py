@@ -30,6 +30,7 @@ def test_members_of_families_by_name_and_by_set() -> None:
     ({"family": "mug", "count": 0}, "whole number"), ({"family": "mug", "seed": 1}, "unknown key"),
     ({"family": "mug", "first": 999, "count": 2}, "there are 1"),
     ("mug-2000", "no object 'mug-2000'; mug-0 to mug-1999 are made by seed"),
+    ("drill-1", "no object 'drill-1'; made by seed, such as mug-1, are mug, bowl"),
     ({"meshes": "none/*.ply", "units": "m"}, "no file matches"), ({"meshes": 3}, "pattern"),
     ({"meshes": "*.ply", "unit": "m"}, "unknown key"), ({"object": "blok"}, "block"),
     ({"object": "block", "units": "m"}, "unknown key"),
