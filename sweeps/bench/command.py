@@ -21,11 +21,10 @@ from sweeps.run.worker import ENVIRONMENT
 from sweeps.spec.errors import StoreError, choose
 
 BATCHES = (64, 256, 1024, 4096, 16384)
-AT_ONCE = 512  # episodes, as workers run them
-PLANNED = 256
-"""The same of planners, whose episodes take longer."""
-SLOWEST = {"any-object": 64, "oracle": 8}
-"""Those that fit free forms on their way, or close the true hand: seconds each."""
+AT_ONCE = 512
+"""Episodes in a call, the most that workers of a sweep run together."""
+SLOWEST = {"any-object": 64, "oracle": 64}
+"""Of those that take tenths of a second: what a worker has in hand for half a minute."""
 OBJECTS = ("block", "small_cylinder", "lightbulb", "mesh")
 SHAPES = ("plane", "revolution", "superquadric11", "superquadric13", "superquadric15")
 _TIMEOUT_S = 900.0
@@ -47,7 +46,7 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
     for of, at_once in (("fit", 512), ("scores", 64)):
         yield from (("free_forms", of, at_once, threads) for threads in cores)
     for name in ("ring6",) if quick else STRATEGIES:
-        at_once = SLOWEST.get(name, PLANNED if STRATEGIES[name].call else AT_ONCE)
+        at_once = SLOWEST.get(name, AT_ONCE)
         yield from (("episodes", name, at_once, threads) for threads in cores)
     if not quick:
         yield from (("closings", "block", batch, 2) for batch in BATCHES if batch != 4096)
@@ -83,8 +82,8 @@ def device_rows(*, quick: bool) -> Iterator[Row]:
     if not quick:
         yield from (("closings", of, 65536, cores) for of in ("lightbulb", "mesh"))
         yield from (("episodes", "ring6", AT_ONCE, workers) for workers in sorted({1, cores}))
-        yield ("episodes", "even", PLANNED, cores)
-        yield ("episodes", "coarse-to-fine", PLANNED, cores)
+        yield ("episodes", "even", AT_ONCE, cores)
+        yield ("episodes", "coarse-to-fine", AT_ONCE, cores)
 
 
 def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = (),
