@@ -292,7 +292,7 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
         found = fitted_parts(placed, rows_of(prior, own), table)
         if found is None:
             continue
-        mesh = parts_mesh(found)
+        mesh = parts_mesh(found, table_plane=table.table_plane)
         if len(mesh.faces) and plausible_vertices([mesh.vertices_m], rows_of(prior, own),
                                                   table_plane=table.table_plane)[0]:
             meshes[row], parts[int(row)], places[int(row)] = mesh, found, placed
