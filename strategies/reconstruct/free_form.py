@@ -99,9 +99,14 @@ class Reconstruction:
             from fit.implicit.volume import implicit_volume
             from strategies.recovery.free_contacts import LEFT_M
 
-            form = self.forms[world]
-            self._volumes[world] = implicit_volume(form.fit, [self.meshes[world]],
-                                                   form.about.mean, shared_m=LEFT_M)
+            form, mesh = self.forms[world], self.meshes[world]
+            known = implicit_volume(form.fit, [mesh], form.about.mean,
+                                    errors=form.about.errors, shared_m=LEFT_M)
+            if form.about.errors is not None:
+                from strategies.reconstruct.body_errors import with_unfelt
+
+                known = with_unfelt(known, self.placed[world].felt, np.array([mesh.area_m2]))
+            self._volumes[world] = known
         return self._volumes.get(world)
 
     def places(self, evidence: Evidence) -> Evidence:
