@@ -123,3 +123,9 @@ class TriangleMesh:
             return 0.0
         a, b, c = np.moveaxis(self.corners_m - self.vertices_m.mean(axis=0), 1, 0)
         return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+
+    @property
+    def area_m2(self) -> float:
+        """Area of the surface [m^2]: the sum over the triangles."""
+        a, b, c = np.moveaxis(self.corners_m, 1, 0)
+        return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())

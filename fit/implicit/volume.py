@@ -15,6 +15,7 @@ import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Float
 
+from fit.implicit.mean_errors import MeanErrors, errors_left
 from fit.implicit.process import SQRT3, distances, matern
 from fit.implicit.query import implicit_distance
 from fit.implicit.record import ImplicitFit, Mean, TriangleMesh
@@ -49,14 +50,14 @@ class VolumeEstimate:
 
 def implicit_volume(
     fits: ImplicitFit, meshes: Sequence[TriangleMesh], mean: Mean | None = None, *,
-    shared_m: float = 0.0
+    errors: MeanErrors | None = None, shared_m: float = 0.0
 ) -> VolumeEstimate:
     """Volumes of the bodies whose meshes are those of `implicit_meshes`, and what the posterior
     says of their error.
 
-    `shared_m` is the standard deviation [m] of an error along the normal that all touches share:
-    the process takes it for a larger or smaller body. Raises ValueError for another number of
-    meshes than fits.
+    `errors` are those that the mean has before any touch; None: it is known. `shared_m` is the
+    standard deviation [m] of an error along the normal that all touches share: the process takes
+    it for a larger or smaller body. Raises ValueError for another number of meshes than fits.
     """
     if len(meshes) != len(fits):
         raise ValueError(f"meshes: {len(meshes)} for {len(fits)} fits")
@@ -71,6 +72,11 @@ def implicit_volume(
         _VARIANCE, fits.length_m, fits.amplitude_m,
         np.where(used[..., None], fits.points_m - centre, 0.0),
         np.where(used, fits.noise_m2, 1.0), used.astype(float), surface - centre, share)
+    std = values.std_m / slope
+    if errors is not None:
+        left = errors_left(fits, errors, surface)
+        variance = variance + np.square(np.einsum("fs,fse->fe", share, left)).sum(1)
+        std = np.hypot(std, np.linalg.norm(left, axis=2) / slope)
     # Where a triangle is farther off than it is wide, its grid cut the body off.
     away = values.distance_m / slope
     side = np.sqrt(area / np.array([max(len(mesh.faces), 1) for mesh in meshes]))
@@ -79,7 +85,7 @@ def implicit_volume(
               - area * np.where(near, away, 0.0).mean(axis=1))
     return VolumeEstimate(volume,
                           np.sqrt(np.maximum(variance, 0.0) + (shared_m * area) ** 2), surface,
-                          np.hypot(values.std_m / slope, shared_m))
+                          np.hypot(std, shared_m))
 
 
 def surface_samples(mesh: TriangleMesh, count: int) -> Float[np.ndarray, "sample 3"]:

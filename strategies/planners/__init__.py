@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "next_procedure": ["contour_to_follow", "faces_to_cross"],
     "oracle": ["Oracle"],
     "planner_file": ["PlannerError", "environment_without_planners", "files_beside"],
+    "ordered": ["axis_unseen"],
     "probes": ["CrossFaces", "FollowContour", "Grasp", "Probe", "listed", "misfits",
                "wanted_of"],
     "register": ["Foreseeing", "Planner", "fault_text", "place_of", "planner"],

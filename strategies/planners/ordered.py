@@ -23,6 +23,14 @@ if TYPE_CHECKING:
     from strategies.procedures.stereo_axis import StereoAxis
 
 
+def axis_unseen(planner: object, worlds: int) -> np.ndarray:
+    """In which worlds cameras were to see an axis and did not, bool (world,): an upright one stands
+    for it there."""
+    if isinstance(planner, OrderedPlanner) and planner.seen is not None:
+        return ~planner.seen.found
+    return np.zeros(worlds, bool)
+
+
 class OrderedPlanner:
     """Carries out `Strategy.order`; what each step wants depends on the body believed by then."""
 

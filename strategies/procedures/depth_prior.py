@@ -58,16 +58,35 @@ def box_of(view: "DepthView") -> tuple[SeenBox, np.ndarray]:
             for way in (right, forward)]
     height = np.nanquantile(points[..., 2], 1 - OUTERMOST, axis=1)
     half_width, seen_deep = ((high - low) / 2 for low, high in ends)
-    # A pixel of the edge sees the object somewhere within it, in the mean half way.
+    # Beside the outermost pixel the object goes on, by half of one in the mean.
     depth = np.where(found, view.depth_m, np.nan)
     pixel = np.nanmedian(np.where(whole[:, None, None], depth, 0.0), (1, 2)) / view.focal_pixels
-    half_width, height = half_width + pixel / 2, height + pixel / 2
+    height = height + _unseen_top(view, points, height, pixel)
+    half_width = half_width + pixel / 2
     half_deep = np.maximum(seen_deep, np.minimum(half_width, height / 2))
     place = (right[:, :2] * (ends[0].sum(0) / 2)[:, None]
              + forward[:, :2] * (ends[1][0] + half_deep)[:, None])
     half = np.stack([half_width, half_deep], 1)
     return SeenBox(place[:, 0], place[:, 1], np.hypot(half_width, half_deep), height, half,
                    np.arctan2(right[:, 1], right[:, 0]), view), whole
+
+
+def _unseen_top(view: "DepthView", points: np.ndarray, height: np.ndarray, pixel: np.ndarray
+                ) -> np.ndarray:
+    """How far objects go on above the highest places seen, `height`, in the mean [m], (world,).
+
+    `points` (world, pixel, 3) are the places seen, and pixels are `pixel` (world,) wide there. A
+    camera above the object sees its top, if that is as high in the image as a row of pixels is. Of
+    a lower top only a share of the rows would hit it; where none does, the edge lies between two
+    rows. A top is about as deep as it is wide.
+    """
+    along = (points * view.axes[:, None, :, 0]).sum(2)
+    high = points[..., 2] > (height - pixel)[:, None]
+    deep = (along.max(1, initial=-np.inf, where=high)
+            - along.min(1, initial=np.inf, where=high) + pixel)
+    down = (view.centre_m[:, 2] - height) / np.maximum(pixel * view.focal_pixels, 1e-9)
+    rows = np.clip(deep * down / np.maximum(pixel, 1e-9), 0.0, 1.0)
+    return np.asarray(pixel / 2 * (1.0 - rows) ** 2)
 
 
 def believed_after(view: "DepthView", believed: np.ndarray, middle_m: np.ndarray,

@@ -99,9 +99,14 @@ class Reconstruction:
             from fit.implicit.volume import implicit_volume
             from strategies.recovery.free_contacts import LEFT_M
 
-            form = self.forms[world]
-            self._volumes[world] = implicit_volume(form.fit, [self.meshes[world]],
-                                                   form.about.mean, shared_m=LEFT_M)
+            form, mesh = self.forms[world], self.meshes[world]
+            known = implicit_volume(form.fit, [mesh], form.about.mean,
+                                    errors=form.about.errors, shared_m=LEFT_M)
+            if form.about.errors is not None:
+                from strategies.reconstruct.body_errors import with_unfelt
+
+                known = with_unfelt(known, self.placed[world].felt, np.array([mesh.area_m2]))
+            self._volumes[world] = known
         return self._volumes.get(world)
 
     def places(self, evidence: Evidence) -> Evidence:
@@ -292,7 +297,7 @@ def _several(rows: np.ndarray, felt: Evidence, links: TouchedLinks | None,
         found = fitted_parts(placed, rows_of(prior, own), table)
         if found is None:
             continue
-        mesh = parts_mesh(found)
+        mesh = parts_mesh(found, table_plane=table.table_plane)
         if len(mesh.faces) and plausible_vertices([mesh.vertices_m], rows_of(prior, own),
                                                   table_plane=table.table_plane)[0]:
             meshes[row], parts[int(row)], places[int(row)] = mesh, found, placed

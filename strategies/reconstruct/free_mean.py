@@ -13,10 +13,12 @@ import numpy as np
 
 from fit.fit_status import is_fitted
 from fit.implicit.known import KnownProcess, log_evidence, of_fit
+from fit.implicit.mean_errors import MeanErrors
 from fit.implicit.record import Mean
 from fit.revolution.geometry import revolution_surface
 from fit.superquadric.geometry import Superquadric, superquadric_points
 from strategies.poses.waypoints import BoundingCylinder
+from strategies.reconstruct.body_errors import ErrorsOfContours, ErrorsOfSuperquadrics
 from strategies.reconstruct.plug_in_name import IMPLICIT
 from strategies.reconstruct.prior_distance import DistanceToRecovered
 from strategies.recovery.choose_model import Recovered, Shape, parameter_count, superquadric_of
@@ -52,6 +54,8 @@ class FreeMean:
     """Corners of a box about the body, (1, 3) each."""
     superquadric: Superquadric | None = None
     """The body, if it is one."""
+    errors: MeanErrors | None = None
+    """Of the body before any touch; None where there is none."""
 
     @property
     def name(self) -> str:
@@ -97,7 +101,8 @@ def _bodies(placed: Evidence, recovered: Recovered, prior: BoundingCylinder, tab
     process = KnownProcess()  # of what it leaves to explain, the likelihood tells
     if recovered.shape[0] == Shape.REVOLUTION and recovered.revolution is not None:
         points, _, _ = revolution_surface(recovered.revolution)
-        yield (FreeMean("revolution", DistanceToRecovered(recovered), process, _box(points)),
+        yield (FreeMean("revolution", DistanceToRecovered(recovered), process, _box(points),
+                        errors=ErrorsOfContours(recovered.revolution)),
                parameter_count(recovered, table))
     for kind in (table,) if table.bend else (table, replace(table, bend=True)):
         fit, _ = recover_bodies(placed, None, kind)
@@ -107,7 +112,8 @@ def _bodies(placed: Evidence, recovered: Recovered, prior: BoundingCylinder, tab
         if allowed[0]:
             model = Recovered(np.array([Shape.SUPERQUADRIC]), superquadric_of(fit))
             yield (FreeMean(kind.superquadric_name, DistanceToRecovered(model), process,
-                            _box(superquadric_points(fit, _SURFACE_POINTS)), model.superquadric),
+                            _box(superquadric_points(fit, _SURFACE_POINTS)), model.superquadric,
+                            ErrorsOfSuperquadrics(model.superquadric, table.table_plane)),
                    parameter_count(model, kind))
 
 

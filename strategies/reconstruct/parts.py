@@ -45,16 +45,18 @@ def fitted_parts(
     """The parts of the body of one world, whose contacts are `placed`; None where contacts do not
     ask for more than one.
 
-    Parts need neither stand on the table nor be upright, but the `prior` (1,) bounds each.
+    Parts need neither stand on the table nor be upright, but one of them does where the table is
+    known, and the `prior` (1,) bounds each.
     """
     touched = placed.mask[0]
     points = placed.points_m[0][touched]
     if len(points) < 2:
         return None
     loose = replace(table, table_plane=False, taper=False, rivals=False)
-    found = {1: _best(placed, np.zeros((1, len(points)), int), 1, prior, loose)}
+    highest = FLOATING_M if table.table_plane else np.inf
+    found = {1: _best(placed, np.zeros((1, len(points)), int), 1, prior, loose, highest)}
     for count in range(2, MOST_PARTS + 1):
-        found[count] = _best(placed, divisions(points, count), count, prior, loose)
+        found[count] = _best(placed, divisions(points, count), count, prior, loose, highest)
 
     def evidence(count: int) -> float:
         parts, misfit = found[count]
@@ -83,10 +85,11 @@ def divisions(points_m: np.ndarray, count: int) -> np.ndarray:
     return np.array(ways)
 
 
-def _best(placed: Evidence, label: np.ndarray, count: int, prior: BoundingCylinder, table: FitTable
-          ) -> tuple[SuperquadricFit, float]:
+def _best(placed: Evidence, label: np.ndarray, count: int, prior: BoundingCylinder, table: FitTable,
+          highest_m: float) -> tuple[SuperquadricFit, float]:
     """Of divisions (way, point) that one whose parts the contacts are nearest to: the parts, and
-    how far contacts are from them in the mean [m]. Parts that the prior contradicts are none."""
+    how far contacts are from them in the mean [m]. Parts that the prior contradicts are none, and
+    neither are those that all end higher than `highest_m`."""
     touched = placed.mask[0]
     points = placed.points_m[0][touched]
     every = rows_of(placed, np.zeros(label.shape[0] * count, int))
@@ -102,7 +105,7 @@ def _best(placed: Evidence, label: np.ndarray, count: int, prior: BoundingCylind
         # The surface of a union: what lies within another part is no part's surface.
         misfit = np.minimum(np.abs(away.min(1)), FARTHEST_M).mean(1)
         foot = np.where(made, _lowest(fits), np.inf).reshape(len(label), count).min(1)
-        misfit = np.where(foot < FLOATING_M, misfit, np.inf)
+        misfit = np.where(foot < highest_m, misfit, np.inf)
         way = int(misfit.argmin())
         if best is None or misfit[way] < best[1]:
             own = np.arange(way * count, (way + 1) * count)
@@ -127,12 +130,13 @@ def _distances(fits: SuperquadricFit, points_m: np.ndarray) -> np.ndarray:
     return superquadric_distance(fits, np.repeat(points_m[None], len(fits), 0))
 
 
-def parts_mesh(parts: SuperquadricFit) -> TriangleMesh:
-    """The surface of their union, above the table."""
+def parts_mesh(parts: SuperquadricFit, *, table_plane: bool = True) -> TriangleMesh:
+    """The surface of their union, above the table if that is known."""
     surface = superquadric_points(parts, _BOX_POINTS).reshape(-1, 3)
     low, high = surface.min(0) - _MARGIN_M, surface.max(0) + _MARGIN_M
 
     def union(points_m: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
         return _distances(parts, points_m[0]).min(0)[None]
 
-    return zero_set_meshes(union, low[None], high[None], np.zeros(1), cells=_CELLS)[0]
+    table = np.zeros(1) if table_plane else None
+    return zero_set_meshes(union, low[None], high[None], table, cells=_CELLS)[0]

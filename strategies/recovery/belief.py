@@ -21,7 +21,7 @@ from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.procedures.planar_faces import Face
 from strategies.recovery.choose_model import Shape, revolution_of
-from strategies.recovery.evidence import CONTRADICTED_FROM, Evidence
+from strategies.recovery.evidence import Evidence
 from warpgrasp.parameters import ArmTable, ErrorTable, FitTable, HandTable, SensorTable
 
 _SHARED = ("step", "arm", "hand", "sensors", "closings", "errors", "fit")
@@ -114,9 +114,7 @@ class Belief:
     @property
     def felt(self) -> Felt:
         """The contacts of the evidence as uncertainty takes them."""
-        e = self.evidence
-        return Felt(e.points_m, e.mask, e.covariance_m2, e.mask & (
-            e.contradiction > CONTRADICTED_FROM), e.by_pad)
+        return self.evidence.felt
 
 
 def read_only(record: Any) -> Any:

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from strategies.contacts.felt import Felt
 from strategies.contacts.finger_touch import TouchedLinks, links_of_touches
 from strategies.procedures.touches import TABLE_MARGIN_M, MissedTips, TouchTable
 from warpgrasp.parameters import HandTable
@@ -44,6 +45,12 @@ class Evidence:
     contradiction: np.ndarray
     """Chi-square of torques and body at the contact's likeliest place, (..., point): infinite where
     which link touched is in doubt; 0 for pads and before a body is known."""
+
+    @property
+    def felt(self) -> Felt:
+        """The contacts as uncertainty takes them."""
+        return Felt(self.points_m, self.mask, self.covariance_m2,
+                    self.mask & (self.contradiction > CONTRADICTED_FROM), self.by_pad)
 
 
 def evidence_from_grasps(grasps: Grasps, link_radius_m: float) -> Evidence:

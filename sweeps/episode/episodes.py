@@ -22,6 +22,7 @@ from strategies.exploration import explore
 from strategies.exploration_record import Exploration
 from strategies.planners.from_strategy import MOST_STEPS, budget_of, fits_on_way, planner_of
 from strategies.planners.oracle import Oracle
+from strategies.planners.ordered import axis_unseen
 from strategies.planners.planner_file import PlannerError
 from strategies.planners.register import Planner
 from strategies.poses.waypoints import BoundingCylinder
@@ -57,7 +58,7 @@ from sweeps.episode.given_prior import (
 from sweeps.episode.recognition_columns import columns_of_recognition, recognize_objects
 from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
-from sweeps.episode.untouched import mostly_itself, why_untouched
+from sweeps.episode.untouched import mostly_itself, why_untouched, without_axis
 from sweeps.spec.cell import CONTACTS, Cell
 from warpgrasp.core.random import (
     Purpose,
@@ -95,6 +96,8 @@ class EpisodeBlock:
     """Which known object was felt."""
     touched: np.ndarray
     """Share of each true surface within 10 mm of a contact (`touched_share`), (world,)."""
+    axis_unseen: np.ndarray
+    """Worlds in which cameras were to see an axis and did not, bool (world,)."""
 
     @property
     def body(self) -> Body:
@@ -217,6 +220,7 @@ def episode_notes(block: EpisodeBlock, cell: Cell, which: np.ndarray) -> np.ndar
     failed = why_failed(block.status, block.exploration.belief)
     why = np.where(why == "", _both(failed, mostly_itself(block.exploration)), why)
     why = _both(np.where(block.exploration.stopped, STOPPED, ""), why)
+    why = _both(without_axis(block.exploration, block.axis_unseen), why)
     if block.rebuilt is not None and block.rebuilt.note is not None:
         why = _both(why, block.rebuilt.note)
     return np.where(np.isin(block.status, FAULTY), block.exploration.fault, why)
@@ -321,7 +325,7 @@ def run_parts(
         if rebuilds:
             moments = rebuilt_moments(scorer, begin, moments, asked, rebuild, scores)
     return EpisodeBlock(tuple(bodies), truth, prior, found, scores, begin.scores, moments,
-                        recognition, surface.share(truth))
+                        recognition, surface.share(truth), axis_unseen(planner, len(key)))
 
 
 def _which(bodies: Sequence[Body]) -> np.ndarray:

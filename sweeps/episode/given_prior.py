@@ -13,7 +13,7 @@ from strategies.recovery.choose_model import Recovered, Shape, prior_superquadri
 from sweeps.episode.scores import Scorer, Scores
 from warpgrasp.core.random import Purpose, counter_key, counter_normal
 from warpgrasp.geometry.body import Body
-from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.geometry.outline import outline_of, radius_around
 from warpgrasp.parameters import ObjectTable, StereoTable
 from warpgrasp.robot import Robot
 
@@ -38,11 +38,9 @@ def draw_prior(
     height = np.maximum(body.high_m[2] + error[:, 3], LEAST_HEIGHT_M)
     margin = max(PRIOR_MARGIN_M, 3.0 * table.prior_sigma_m)
     if table.prior not in ("box", "depth"):
-        surface = sample_body(body).surface_m
-        radius = float(np.hypot(surface[:, 0], surface[:, 1]).max())
+        radius = np.maximum(radius_around(body) + error[:, 2], LEAST_RADIUS_M)
         return BoundingCylinder(body_pose[:, 0] + error[:, 0], body_pose[:, 1] + error[:, 1],
-                                np.maximum(radius + error[:, 2], LEAST_RADIUS_M), height,
-                                margin_m=margin)
+                                radius, height, margin_m=margin)
     middle, half, turned = rectangle_around(body)
     yaw = 2.0 * np.arctan2(body_pose[:, 5], body_pose[:, 6])
     cos, sin = np.cos(yaw), np.sin(yaw)
@@ -60,7 +58,7 @@ def rectangle_around(body: Body) -> tuple[np.ndarray, np.ndarray, float]:
     """
     import trimesh
 
-    to_rectangle, sides = trimesh.bounds.oriented_bounds_2D(sample_body(body).surface_m[:, :2])
+    to_rectangle, sides = trimesh.bounds.oriented_bounds_2D(outline_of(body))
     turned = float(np.arctan2(to_rectangle[0, 1], to_rectangle[0, 0]))
     middle = -to_rectangle[:2, :2].T @ to_rectangle[:2, 2]
     half = np.asarray(sides) / 2

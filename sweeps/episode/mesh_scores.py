@@ -67,7 +67,9 @@ def score_meshes(
         distance_to_surface(body, elements[first:first + WORLDS_AT_ONCE], device=device)
         for first in range(0, len(seen), WORLDS_AT_ONCE)])
     volume = np.array([mesh.volume_m3 for mesh in seen])
-    common = np.minimum(sample.common_volume(signed), np.minimum(volume, sample.volume_m3))
+    thick = volume / np.array([mesh.area_m2 for mesh in seen])
+    common = np.minimum(sample.common_volume(signed, thick),
+                        np.minimum(volume, sample.volume_m3))
     return Scores(
         chamfer_m=0.5 * ((to_mesh * sample.surface_share).sum(1) + to_body.mean(1)),
         square_m2=(to_mesh**2 * sample.surface_share).sum(1) + (to_body**2).mean(1),

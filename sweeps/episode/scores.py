@@ -176,8 +176,10 @@ def _superquadrics(
         quaternion_of_matrix(turn.transpose(0, 2, 1) @ matrix_of_quaternion(fits.quaternion_xyzw)),
         fits.taper, fits.bend)
     elements = surface_elements(seen, count, device=device, graded=True)
-    return _Surface(*elements, superquadric_volume(fits),
-                    sample.common_volume(_signed_distance(seen, sample, device)),
+    volume = superquadric_volume(fits)
+    return _Surface(*elements, volume,
+                    sample.common_volume(_signed_distance(seen, sample, device),
+                                         volume / elements[2].sum(1)),
                     _distance_to_superquadrics(sample, elements, seen, device))
 
 
@@ -190,8 +192,9 @@ def _revolutions(
     seen = replace(bodies, foot_m=((bodies.foot_m[:, None] - place) @ turn)[:, 0],
                    axis=(bodies.axis[:, None] @ turn)[:, 0])
     deep = _distance_to_contours(seen, sample.about_m, device)
-    return _Surface((element - place) @ turn, normal @ turn, area, revolution_volume(bodies),
-                    sample.common_volume(np.where(inside, -deep, deep)),
+    volume = revolution_volume(bodies)
+    return _Surface((element - place) @ turn, normal @ turn, area, volume,
+                    sample.common_volume(np.where(inside, -deep, deep), volume / area.sum(1)),
                     _distance_to_contours(seen, sample.surface_m, device))
 
 

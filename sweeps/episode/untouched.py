@@ -26,6 +26,7 @@ _LEAST_M = 0.002
 _NO_PLACE_M = 10.0
 """Positions beyond are perhaps in millimetres."""
 UNTRIED = "it did not try: its strategy wanted nothing"
+UNSEEN_AXIS = "contour.axis stereo: the cameras saw no axis, so that an upright one was followed"
 _WIDE = 1.3
 """A prior this many times as wide as the object is worth a word."""
 
@@ -84,6 +85,16 @@ def mostly_itself(exploration: Exploration) -> np.ndarray:
                       for which in (ProbeStatus.SELF_CONTACT, ProbeStatus.CONTACT))
     return np.array([f"{n} of {n + m} stops of fingers were taken for the hand's own links"
                      if n > 3 * m else "" for n, m in zip(own, at_object, strict=True)], object)
+
+
+def without_axis(exploration: Exploration, unseen: np.ndarray) -> np.ndarray:
+    """A sentence for each world whose contour was followed about an upright axis because cameras
+    saw none, `unseen` bool (world,), else empty."""
+    followed = np.zeros(len(unseen), bool)
+    for procedure in exploration.procedures:
+        if procedure.name == "contour":
+            followed |= procedure.took_part
+    return np.where(unseen & followed, UNSEEN_AXIS, "")
 
 
 def _why_ended(exploration: Exploration, world: int) -> str:

@@ -11,7 +11,7 @@ from strategies.procedures.stereo_axis import see_axis
 from strategies.procedures.stereo_prior import see_cylinder
 from sweeps.paper.recovery import SEED
 from sweeps.text_table import number_text
-from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.geometry.outline import radius_around
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable, StereoTable
 from warpgrasp.robot import Robot, Truth
@@ -83,12 +83,10 @@ def _look(name: str, table: StereoTable, worlds: int) -> list[np.ndarray]:
     target = pose[:, :3] + [0.0, 0.0, body.high_m[2] / 2] + aim
     axis = see_axis(robot, target, table)
     cylinder, whole = see_cylinder(robot, target, table)
-    surface = sample_body(body).surface_m
-    radius = np.hypot(surface[:, 0], surface[:, 1]).max()
     place = np.hypot(cylinder.x_m - pose[:, 0], cylinder.y_m - pose[:, 1])
     tilt = np.degrees(np.arccos(np.clip(axis.direction[:, 2], -1.0, 1.0)))
     return [tilt[axis.found], *(1e3 * off[whole] for off in (
-        place, cylinder.radius_m - radius, cylinder.height_m - body.high_m[2]))]
+        place, cylinder.radius_m - radius_around(body), cylinder.height_m - body.high_m[2]))]
 
 
 STEREO_HEADER = (

@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body_sampling": ["GROUP", "BodySample", "KeyedBody", "body_lowered", "keyed_body",
         "sample_body"],
     "meshing": ["body_mesh"],
+    "outline": ["outline_of", "radius_around"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",
         "body_table_distance", "body_table_distance_grad"],
     "sdf_grid": ["GRID_MARGIN_M", "mesh_distance_kernel", "mesh_gap_kernel",

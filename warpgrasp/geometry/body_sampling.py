@@ -27,6 +27,7 @@ GROUP = 16
 _LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
 _THIN_SHARE = 0.25
 """Of half a wall, the ramp's most: ramps that meet within a wall count more than it holds [est]."""
+LEAST_RAMP_M = 1e-9
 _ON_M = 1e-5  # points of the surface are so near to it
 _OUTSIDE_M = 2e-4
 
@@ -70,16 +71,17 @@ class BodySample:
         """Points of `about_m` along Morton's curve, (inside,): near ones follow each other."""
         return _along_curve(self.about_m).astype(np.int32)
 
-    def shares(self, distance_m: np.ndarray) -> np.ndarray:
-        """What of the surroundings of points of `about_m` lies in a body, from their signed
-        distances to it: a ramp from 1 to 0 between -`ramp_m` and `ramp_m`."""
-        return np.clip(0.5 - 0.5 / self.ramp_m * distance_m, 0.0, 1.0)
-
-    def common_volume(self, distance_m: np.ndarray) -> np.ndarray:
+    def common_volume(self, distance_m: np.ndarray, thick_m: np.ndarray) -> np.ndarray:
         """Volumes [m^3], (body,), that bodies share with this one; `distance_m` (body, inside) are
-        signed distances of `about_m` to them. A point that a surface passes counts in part."""
-        both = self.shares(np.maximum(distance_m, self.distance_m)).sum(-1)
-        return self.volume_m3 * both / self.shares(self.distance_m).sum()
+        signed distances of `about_m` to them, and `thick_m` (body,) their volumes over their areas.
+
+        A point that a surface passes counts in part: by a ramp from 1 to 0 between -`ramp_m` and
+        `ramp_m`, or nearer ones where the other body has thin walls.
+        """
+        ramp = np.minimum(self.ramp_m, np.maximum(_THIN_SHARE * thick_m, LEAST_RAMP_M))[:, None]
+        both, own = (np.clip(0.5 - 0.5 / ramp * distance, 0.0, 1.0).sum(-1) for distance in (
+            np.maximum(distance_m, self.distance_m), self.distance_m))
+        return self.volume_m3 * both / own
 
     @property
     def inside_m(self) -> np.ndarray:

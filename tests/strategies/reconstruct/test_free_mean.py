@@ -67,6 +67,8 @@ def test_a_free_form_about_the_body_knows_the_side_that_was_not_felt() -> None:
     volume = made.volume(0)
     assert volume is not None
     assert made.volume(0) is volume
+    height, std = volume.surface_m[0, :, 2], volume.surface_std_m[0]
+    assert std[height > height.max() - 0.003].mean() > 1.5 * std[height < 0.09].mean()
     again = pickle.loads(pickle.dumps(made))  # reports draw in other processes
     assert again.name_of(0) == made.name_of(0)
     at = made.meshes[0].vertices_m[None, :4]

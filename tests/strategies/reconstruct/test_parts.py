@@ -52,6 +52,24 @@ def test_a_mesh_of_parts_has_the_volume_of_their_union() -> None:
     assert mesh.volume_m3 == pytest.approx(rod + 4 / 3 * np.pi * 0.02**3, rel=0.03)
 
 
+def test_a_robot_that_does_not_know_the_table_takes_parts_above_and_below_it() -> None:
+    """The same contacts farther up and farther down: the same parts there."""
+    unknown, on_it = replace(TABLE, table_plane=False), hammer()
+    here = fitted_parts(felt_at(on_it), PRIOR, unknown)
+    assert here is not None
+    volume = parts_mesh(here, table_plane=False).volume_m3
+    for up in (0.05, -0.05):
+        felt = felt_at(on_it + [0.0, 0.0, up])
+        prior = replace(PRIOR, height_m=PRIOR.height_m + max(up, 0.0))
+        parts = fitted_parts(felt, prior, unknown)
+        assert parts is not None
+        assert len(parts) == len(here)
+        mesh = parts_mesh(parts, table_plane=False)
+        assert mesh.volume_m3 == pytest.approx(volume, rel=0.03)
+        assert mesh.vertices_m[:, 2].min() == pytest.approx(
+            on_it[:, 2].min() + up, abs=0.006)
+
+
 def test_a_block_is_one() -> None:
     points = box_points((0.03, 0.04, 0.05), (0.45, 0.0, 0.05), 80, 3)
     assert fitted_parts(felt_at(points), PRIOR, TABLE) is None

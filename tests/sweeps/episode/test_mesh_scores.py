@@ -9,9 +9,11 @@ import trimesh
 from scipy.spatial import cKDTree
 
 from fit.implicit.record import TriangleMesh
-from fit.superquadric.geometry import Superquadric
+from fit.revolution.geometry import RevolutionBody
+from fit.superquadric.geometry import Superquadric, superquadric, superquadric_volume
+from strategies.recovery.choose_model import Recovered, Shape
 from sweeps.episode.mesh_scores import score_meshes, scores_with_meshes
-from sweeps.episode.scores import DENSE, FINE, Scorer, score_superquadrics
+from sweeps.episode.scores import DENSE, FINE, Scorer, score_recovered, score_superquadrics
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 
@@ -80,6 +82,33 @@ def test_thin_walls_beside_thin_walls_share_what_circles_say(apart: float) -> No
     each = np.pi * (0.09 * outer**2 - 0.085 * inner**2)
     assert score_meshes([placed(moved)], cup, AT).iou[0] == pytest.approx(
         both / (2 * each - both), abs=0.01)
+
+
+@pytest.mark.parametrize("thick", [0.001, 0.002, 0.004])
+@pytest.mark.parametrize("way", ["mesh", "superquadric", "contour"])
+def test_a_thin_plate_shares_what_of_it_lies_within(thick: float, way: str) -> None:
+    """Half of a recovered plate lies within a true block or disc, half above: by lengths."""
+    part = {"shape": "block", "size_mm": [80, 100, 12]}
+    true, area = 0.08 * 0.1 * 0.012, 0.08 * 0.1
+    if way == "contour":
+        part = {"shape": "cylinder", "radius_mm": 40, "height_mm": 12}
+        true, area = np.pi * 0.04**2 * 0.012, np.pi * 0.04**2
+    body, at = body_from_table({"name": "block", "compound": [part]}, Path()), np.eye(7)[6:]
+    if way == "mesh":
+        plate = trimesh.creation.box((0.08, 0.1, thick))
+        iou = score_meshes([TriangleMesh(plate.vertices + [0.0, 0.0, 0.012], plate.faces)], body,
+                           at).iou[0]
+    elif way == "superquadric":
+        plate = superquadric((0.04, 0.05, thick / 2), (0.1, 0.1), (0.0, 0.0, 0.012))
+        area = superquadric_volume(plate)[0] / thick
+        iou = score_superquadrics(plate, body, at).iou[0]
+    else:
+        disc = RevolutionBody(np.array([[0.0, 0.0, 0.012 - thick / 2]]), np.eye(3)[2:],
+                              np.array([[0.0, thick]]), np.array([[0.04, 0.04]]))
+        iou = score_recovered(Recovered(np.array([Shape.REVOLUTION]), superquadric(
+            (0.04, 0.04, thick / 2), (0.1, 1.0), (0.0, 0.0, 0.012)), disc), body, at).iou[0]
+    shared = area * thick / 2
+    assert iou == pytest.approx(shared / (true + shared), abs=0.004)
 
 
 def test_bodies_that_overlap_are_inside_where_both_are() -> None:

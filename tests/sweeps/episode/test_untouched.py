@@ -10,13 +10,14 @@ import pytest
 
 from strategies.exploration_record import Procedure
 from strategies.poses.waypoints import Ring
+from strategies.procedures.options import ContourTable
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
 from sweeps.episode.untouched import UNTRIED, mostly_itself
 from sweeps.spec.cell import Cell
 from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
-from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable
+from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable, StereoTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
@@ -148,3 +149,15 @@ def test_an_object_out_of_reach_is_told_where_a_planner_asks_for_nothing() -> No
     rows = run_episodes(cell, np.arange(2), "cpu")
     assert all(note.startswith("the arm reaches none of 8 poses around the object, such as (")
                for note in rows["note"])
+
+
+def test_a_contour_about_an_axis_that_no_camera_saw_says_so() -> None:
+    """Through a hole of 0.6 degrees cameras see no edge; with the usual images they do."""
+    strategy = replace(STRATEGIES["contour"], name="by-sight")
+    cell = Cell(strategy, {"name": "large_cylinder"}, "large_cylinder", seed=5,
+                contour=ContourTable(axis="stereo"))
+    seen, unseen = (run_episodes(one, np.arange(2), "cpu") for one in (
+        cell, replace(cell, stereo=StereoTable(field_of_view_rad=0.01))))
+    assert not any("saw no axis" in note for note in seen["note"])
+    assert all("saw no axis" in note for note in unseen["note"])
+    assert all("contour" in words for words in unseen["procedures"])
