@@ -115,7 +115,7 @@ def strategy_of_argument(name: str) -> "Strategy":
         return STRATEGIES[name]
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner
-    from strategies.planners.trial import tried
+    from strategies.trial import tried
 
     try:
         tried(name, lambda: make_planner(name, {}))

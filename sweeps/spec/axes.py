@@ -140,7 +140,7 @@ def _read_option(name: str, value: Any, strategies: Sequence[Strategy], path: Ke
     """A value of a planner's option, tried on every planner of the spec that has it."""
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner  # heavy, and only planners need it
-    from strategies.planners.trial import tried
+    from strategies.trial import tried
 
     if not is_option(value, path, problems):
         return value

@@ -17,9 +17,9 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from strategies.planners.planner_file import PlannerError
-from strategies.planners.trial import tried
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
+from strategies.trial import tried
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.study import Axis
 from warpgrasp.parameters import (

@@ -1,6 +1,7 @@
 """A study whose files may not be read or moved: what is said, and which exit code."""
 
 import errno
+import fcntl
 import os
 from pathlib import Path
 from typing import Any
@@ -97,7 +98,7 @@ def test_a_file_system_without_flock_is_told(study: Store, monkeypatch: pytest.M
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     (study.folder / ".lock-1-of-1").touch()
-    monkeypatch.setattr(store_module.fcntl, "flock", none)
+    monkeypatch.setattr(fcntl, "flock", none)
     spec = study.folder.parent / "spec" / "spec.toml"
     assert cli.run(["sweep", str(spec), "-o", str(study.folder)]) == 2
     assert ".lock-1-of-1: cannot be locked: No locks available; " in capsys.readouterr().err
