@@ -33,6 +33,14 @@ def holder_of(file: Path) -> str | None:
     return None
 
 
+def same_file(descriptor: int, file: Path) -> bool:
+    """Whether an open file still has this name."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), file.stat())
+    except OSError:
+        return False
+
+
 @contextmanager
 def turn(folder: Path) -> Iterator[None]:
     """One process at a time is inside, of all that begin in a directory. Raises OSError."""

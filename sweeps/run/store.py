@@ -11,7 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-from sweeps.file_lock import holder_of, try_lock, turn
+from sweeps.file_lock import holder_of, same_file, try_lock, turn
 from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
 from sweeps.run.inputs import keep_inputs
@@ -255,10 +255,10 @@ class Store:
         that happens.
         """
         self.refuse_other_files()
-        file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
+        lock = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as error:
             raise self._unwritable(error) from None
         try:
@@ -266,7 +266,7 @@ class Store:
                 with turn(self.folder):
                     self._hold(descriptor, shard)
             except OSError as error:
-                raise StoreError(f"{file}: cannot be locked: {error.strerror}; choose a directory "
+                raise StoreError(f"{lock}: cannot be locked: {error.strerror}; choose a directory "
                                  "on a file system that has flock") from None
             try:
                 os.ftruncate(descriptor, 0)
@@ -279,7 +279,14 @@ class Store:
             if len(self.holders(unknown=True)) == 1:
                 for file in left:  # of killed runs
                     file.unlink(missing_ok=True)
-            yield
+            try:
+                yield
+            except (OSError, StoreError):
+                if same_file(descriptor, lock):
+                    raise
+                raise StoreError(f"{self.folder}: was moved or removed while it was worked on; "
+                                 "if it was moved, finished units are there: name its new place "
+                                 "with -o to go on", 1) from None
         finally:
             os.close(descriptor)
 
