@@ -16,6 +16,9 @@ TRIED = 77
 CLOSED = 78
 """Of one whose output was closed so that it cannot be opened again."""
 THREADS = Path("/proc/self/task")
+OF_JEMALLOC = "jemalloc_bg_thd"
+"""The thread of Arrow's allocator, which the allocator itself prepares for a copy of the process
+(`pthread_atfork`)."""
 
 
 def tried(call: str, run: Callable[[], object]) -> None:
@@ -66,10 +69,13 @@ def _is_open(descriptor: int) -> bool:
 
 
 def _threads() -> int:
+    """How many threads this process has, without those that are made ready for a copy; 0 where the
+    system does not tell."""
     try:
-        return len(os.listdir(THREADS))
+        names = [(thread / "comm").read_text().strip() for thread in THREADS.iterdir()]
     except OSError:
         return 0
+    return len(names) - names.count(OF_JEMALLOC)
 
 
 def _signal_name(number: int) -> str:

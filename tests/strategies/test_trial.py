@@ -52,3 +52,20 @@ def test_a_file_that_kills_the_process_is_named(tmp_path: Path, line: str, words
     assert (done.returncode, done.stdout) == (2, "")
     assert "study.toml:6: strategy[0].strategy: " in done.stderr
     assert words in done.stderr
+
+
+def test_a_sweep_with_such_a_file_keeps_what_is_finished(tmp_path: Path) -> None:
+    """Arrow, which sweeps load first, has a thread of its own: nothing was tried there."""
+    sweep = [sys.executable, "-m", "sweeps", "sweep", "study.toml", "-o", "out"]
+    about = {"cwd": tmp_path, "env": {**os.environ, "PYTHONPATH": str(ROOT)},
+             "capture_output": True, "text": True, "check": False}
+    (tmp_path / "mine.py").write_text(PLANNER.format(""))
+    (tmp_path / "study.toml").write_text(SPEC)
+    assert subprocess.run(sweep, **about).returncode == 0  # type: ignore[call-overload]
+    before = {file: file.read_bytes() for file in (tmp_path / "out").rglob("*") if file.is_file()}
+    (tmp_path / "mine.py").write_text(PLANNER.format("os.kill(os.getpid(), signal.SIGSEGV)"))
+    done = subprocess.run(sweep, **about)  # type: ignore[call-overload]
+    assert done.returncode == 2
+    assert "mine.py: ended the process by SIGSEGV" in done.stderr
+    assert before == {file: file.read_bytes() for file in (tmp_path / "out").rglob("*")
+                      if file.is_file()}
