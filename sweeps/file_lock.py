@@ -44,7 +44,10 @@ def same_file(descriptor: int, file: Path) -> bool:
 @contextmanager
 def turn(folder: Path) -> Iterator[None]:
     """One process at a time is inside, of all that begin in a directory. Raises OSError."""
-    descriptor = os.open(folder / TURN, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        descriptor = os.open(folder / TURN, os.O_RDWR | os.O_CREAT, 0o644)
+    except PermissionError:  # another user, whose run shares the directory, has made it
+        descriptor = os.open(folder / TURN, os.O_RDONLY)
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX)
         yield
