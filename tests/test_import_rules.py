@@ -23,10 +23,11 @@ FLOORS = {
             "superquadric", "revolution", "implicit", "plane_record", "plane", "polyhedron",
             "match_parameters", "interpretation_tree", "point_sets", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "foresight", "planners", "reconstruct", "exploration_record",
-                   "exploration"],
-    "sweeps": ["output", "text_table", "spec", "episode", "run", "analysis", "compare", "figures",
-               "race", "report", "watch", "gym", "paper", "validate", "bench", "cli", "__main__"],
+                   "recognition", "foresight", "planners", "trial", "reconstruct",
+                   "exploration_record", "exploration"],
+    "sweeps": ["output", "file_lock", "text_table", "spec", "episode", "run", "analysis", "compare",
+               "figures", "race", "report", "watch", "gym", "paper", "validate", "bench", "cli",
+               "__main__"],
 }
 """The rooms and files of each package; one may import those before it, in its package."""
 BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},

@@ -2,8 +2,11 @@
 
 import os
 import signal
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +23,12 @@ def guarded_call() -> Iterator[None]:
     ignored, as in workers, since it can only come from that code. A forked copy of the process
     that comes back ends here: only one process may go on.
 
-    Afterwards the process is in the folder it was in, and numpy treats errors as it did: paths of
-    ours are relative to that folder, and what follows must not fail for a setting of that code's.
+    Afterwards the process is in the folder it was in, its output goes where it went, and numpy
+    treats errors as it did: paths of ours are relative to that folder, and what follows must not
+    fail, or be silent, for a setting of that code's.
     """
     process, leave, folder = os.getpid(), os._exit, _folder()
+    output = [_output(1, sys.stdout), _output(2, sys.stderr)]
 
     def refuse(status: int) -> None:
         if os.getpid() != process:
@@ -44,9 +49,46 @@ def guarded_call() -> Iterator[None]:
         if os.getpid() != process:
             leave(1)
         os._exit = leave
+        sys.stdout, sys.stderr = (each.put_back() for each in output)
         if folder is not None and _folder() != folder:
             with suppress(OSError):  # it was removed
                 os.chdir(folder)
+
+
+@dataclass(frozen=True)
+class _Output:
+    """Where standard output or standard error goes."""
+
+    number: int
+    stream: Any
+    copy: int
+    """Another descriptor of its file; -1 where it has none."""
+    file: tuple[int, int] | None
+
+    def put_back(self) -> Any:
+        """Opens its descriptor again if that was closed or leads elsewhere; its stream."""
+        if self.file is not None and _file(self.copy) == self.file:  # the copy may be closed, too
+            if _file(self.number) != self.file:
+                os.dup2(self.copy, self.number)
+            os.close(self.copy)
+        if getattr(self.stream, "closed", False) and _file(self.number) is not None:
+            return open(self.number, "w", buffering=1, encoding=self.stream.encoding,
+                        errors=self.stream.errors, closefd=False)
+        return self.stream
+
+
+def _output(number: int, stream: Any) -> _Output:
+    file = _file(number)
+    return _Output(number, stream, -1 if file is None else os.dup(number), file)
+
+
+def _file(descriptor: int) -> tuple[int, int] | None:
+    """What tells the file of a descriptor from others; None where it is not open."""
+    try:
+        status = os.fstat(descriptor)
+    except OSError:
+        return None
+    return status.st_dev, status.st_ino
 
 
 def _folder() -> str | None:

@@ -8,6 +8,7 @@ import importlib.util
 import os
 import sys
 from collections.abc import Mapping
+from contextlib import redirect_stdout
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
@@ -79,7 +80,7 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
     sys.path.insert(0, folder)
     importlib.invalidate_caches()
     try:
-        with guarded_call():
+        with guarded_call(), redirect_stdout(sys.stderr):  # results stay clean of what it prints
             spec.loader.exec_module(module)
         beside = {f"{name}.py": _hash(place.with_name(f"{name}.py")) for name in _taken_out(folder)}
     except BaseException as error:

@@ -1,7 +1,9 @@
 """Finding planners by name: in the package, in installed entry points, in a user's own file."""
 
 import inspect
+import sys
 from collections.abc import Callable, Mapping
+from contextlib import redirect_stdout
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
@@ -28,7 +30,7 @@ def make_planner(call: str, options: Mapping[str, Any]) -> Planner:
             raise PlannerError(f"strategy {call!r} has no option {wrong[0]!r}; there are: "
                                f"{', '.join(known or ()) or 'none'}")
         try:
-            with guarded_call():
+            with guarded_call(), redirect_stdout(sys.stderr):
                 made: Any = found(**options)
         except Exception as error:  # anything may go wrong in a planner that somebody else wrote
             raise PlannerError(f"strategy {call!r} cannot take the options {dict(options)!r:.200}: "

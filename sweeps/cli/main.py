@@ -5,7 +5,7 @@ import gc
 import os
 import sys
 
-from cyclopts import CycloptsError, UnusedCliTokensError
+from cyclopts import CycloptsError, MissingArgumentError, UnusedCliTokensError
 
 from sweeps.cli import (
     arms,
@@ -64,8 +64,11 @@ def run(arguments: list[str]) -> int:
                   if after else "")
         return _refuse(f"warpgrasp: {', '.join(unused)}: there is no place for it; {advice}see "
                        "warpgrasp --help")
+    except MissingArgumentError as error:
+        name = error.argument.name if error.argument else "an argument"
+        return _refuse(f"warpgrasp: {name}: is missing; see warpgrasp {arguments[0]} --help")
     except CycloptsError as error:
-        return _refuse(f"warpgrasp: {error}; see warpgrasp --help")
+        return _refuse(f"warpgrasp: {str(error).rstrip('.')}; see warpgrasp --help")
     except UsageError as error:
         return _refuse(f"warpgrasp: {error}")
     except KeyboardInterrupt:

@@ -12,7 +12,7 @@ from typing import Any
 
 from sweeps.output import extra_hint, write_atomic
 from sweeps.run.changed_files import ChangedFilesError
-from sweeps.run.local_engine import Options, disk_error
+from sweeps.run.local_engine import Options, as_a_worker, disk_error
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
@@ -49,9 +49,10 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
     The caller holds the shard's lock. `further` is that of the local engine.
     """
     ray = _ray()
-    ray.init(address=address, num_cpus=None if address else options.workers,
-             include_dashboard=False, configure_logging=False, log_to_driver=False,
-             runtime_env={"env_vars": ENVIRONMENT})
+    with as_a_worker():  # the nodes that it starts here, and their workers, inherit it
+        ray.init(address=address, num_cpus=None if address else options.workers,
+                 include_dashboard=False, configure_logging=False, log_to_driver=False,
+                 runtime_env={"env_vars": ENVIRONMENT})
     try:
         work = UnitQueue(plan, store, options.shard, progress, options.verify,
                          options.unit_timeout_s, further)

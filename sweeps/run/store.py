@@ -1,11 +1,9 @@
 """The directory of a study: a unit is done if its file exists; there is no other record."""
 
 import errno
-import fcntl
 import json
 import os
 import socket
-import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -13,6 +11,7 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
+from sweeps.file_lock import holder_of, same_file, try_lock, turn
 from sweeps.output import write_atomic
 from sweeps.run.environment import describe_environment
 from sweeps.run.inputs import keep_inputs
@@ -39,18 +38,6 @@ def _unreadable(file: Path, error: OSError) -> StoreError:
 
 PROBE_BYTES = 1 << 16
 """About what a unit's file takes."""
-
-
-def _locked(descriptor: int) -> bool:
-    """Takes the lock; patient for a moment, since `holders` touches it in passing."""
-    for _ in range(10):
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            time.sleep(0.05)
-        else:
-            return True
-    return False
 
 
 class Store:
@@ -96,7 +83,8 @@ class Store:
             self.logs.mkdir(exist_ok=True)
             if plan.study.head.keep == "contacts":
                 self.contacts.mkdir(exist_ok=True)
-            notes += self._claim(plan)
+            with turn(self.folder):  # of two specs that begin at once, the second is refused
+                notes += self._claim(plan)
             keep_inputs(self.folder, plan.study)
             if spec_text is not None:
                 write_atomic(self.folder / "spec.toml", spec_text)
@@ -267,22 +255,19 @@ class Store:
         that happens.
         """
         self.refuse_other_files()
-        file = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
+        lock = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
-            descriptor = os.open(file, os.O_RDWR | os.O_CREAT, 0o644)
+            descriptor = os.open(lock, os.O_RDWR | os.O_CREAT, 0o644)
         except OSError as error:
             raise self._unwritable(error) from None
         try:
             try:
-                free = _locked(descriptor)
+                with turn(self.folder):
+                    self._hold(descriptor, shard)
             except OSError as error:
-                raise StoreError(f"{file}: cannot be locked: {error.strerror}; choose a directory "
+                raise StoreError(f"{lock}: cannot be locked: {error.strerror}; choose a directory "
                                  "on a file system that has flock") from None
-            if not free:
-                holder = os.read(descriptor, 200).decode(errors="replace").strip()
-                raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
-                           "wait for it, or give each run its own --shard I/N")
             try:
                 os.ftruncate(descriptor, 0)
                 os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(),
@@ -294,24 +279,41 @@ class Store:
             if len(self.holders(unknown=True)) == 1:
                 for file in left:  # of killed runs
                     file.unlink(missing_ok=True)
-            yield
+            try:
+                yield
+            except (OSError, StoreError):
+                if same_file(descriptor, lock):
+                    raise
+                raise StoreError(f"{self.folder}: was moved or removed while it was worked on; "
+                                 "if it was moved, finished units are there: name its new place "
+                                 "with -o to go on", 1) from None
         finally:
             os.close(descriptor)
+
+    def _hold(self, descriptor: int, shard: tuple[int, int]) -> None:
+        """Takes a shard's lock, unless it, or one that has units of it, is held."""
+        if not try_lock(descriptor):
+            holder = os.read(descriptor, 200).decode(errors="replace").strip()
+            raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
+                       "wait for it, or give each run its own --shard I/N")
+        for name, holder in self.holders().items():
+            other, _, count = name.partition("-of-")
+            if count != str(shard[1]):
+                raise Held(f"{self.folder}: shard {other}/{count} is being worked on by "
+                           f"{holder or 'another run'}, and has units of shard {shard[0]}/"
+                           f"{shard[1]}; wait for it, or give all runs the same N in --shard I/N")
 
     def holders(self, unknown: bool = False) -> dict[str, str]:
         """Who works on this directory right now, by shard (`1-of-3`). Of a lock that cannot be
         looked at it is `unknown`; asked for, it stands there as held."""
         found: dict[str, str] = {}
-        for file in sorted(self.folder.glob(".lock-*")):
+        for file in sorted(self.folder.glob(".lock-*-of-*")):
             shard = file.name.removeprefix(".lock-")
             try:
-                with file.open("rb") as stream:
-                    try:
-                        fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
-                    except BlockingIOError:
-                        found[shard] = stream.read(200).decode(errors="replace")
+                holder = holder_of(file)
             except OSError:  # it may not be read, or the file system has no flock
-                found |= {shard: ""} if unknown else {}
+                holder = "" if unknown else None
+            found |= {} if holder is None else {shard: holder}
         return found
 
     def note(self, shard: str) -> Path:

@@ -14,7 +14,7 @@ import numpy as np
 
 from sweeps.spec.cell import APART, SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
-from sweeps.spec.study import ARM_KEY, SEEN, Axis, Study
+from sweeps.spec.study import ARM_KEY, SEEN, SHIPPED, Axis, Study
 from sweeps.spec.units import spec_fields
 from warpgrasp.parameters import (
     ARM_COLUMN_M,
@@ -185,11 +185,12 @@ def check_used(study: Study, problems: Problems) -> None:
 
 
 def _may_feel(study: Study) -> bool:
-    """Whether a strategy feels with pads, or is a planner, which may."""
-    return feels_with_pads(study) or any(strategy.call for strategy in study.strategies)
+    """Whether a strategy feels with pads, or is a user's planner, which may."""
+    return feels_with_pads(study) or any(
+        strategy.call and strategy.call not in SHIPPED for strategy in study.strategies)
 
 
-_FEELS = "pads feel where an order has planar, contour or decide, or a planner moves them"
+_FEELS = "pads feel where an order has planar, contour or decide, or your planner moves them"
 Reads = Callable[[Study], bool]
 
 

@@ -130,8 +130,10 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
     if not head.name:
         spec = FilePath(problems.file)
         head = replace(head, name=kept_name(base_dir / spec.name) or spec.stem)
-    tables = {name: table(**read_table(table, values.get(name, {}), (name,), problems))
-              for name, table in SECTIONS.items()}
+    tables = {name: table(**read_table(
+        table, values.get(name, {}), (name,), problems,
+        f"a name (`warpgrasp {name}s` lists them) or a table" if name in WORDS else "a table"))
+        for name, table in SECTIONS.items()}
     tables["hand"] = replace(tables["hand"], kind=read_hand(tables["hand"].kind, base_dir,
                                                             problems))
     tables["arm"] = replace(tables["arm"], kind=read_arm(tables["arm"].kind, base_dir, problems))

@@ -23,11 +23,13 @@ FILE_KEYS = ("mesh", "profile")  # of an object's table, however deep: files it 
 _WHERE_READ = {"planar": {"planar", "decide"}, "contour": {"contour", "decide"},
                "decide": {"decide"}, "pads": {"planar", "contour", "decide"},
                "stereo": {"contour", "decide"}}
-"""Procedures of an order, one of which a strategy has that reads a table. Planners may feel with
-pads, too; cameras may also see the prior, whatever the strategy."""
+"""Procedures of an order, one of which a strategy has that reads a table. A user's planner may
+feel with pads, too; cameras may also see the prior, whatever the strategy."""
 SEEN = frozenset(("silhouettes", "depth"))
 """Priors that cameras see."""
-REFITTED = frozenset(s.call for s in STRATEGIES.values() if s.call) - {*UNGUIDED}
+SHIPPED = frozenset(s.call for s in STRATEGIES.values() if s.call)
+"""Planners that ship, which only grasp; those of users may also feel with pads."""
+REFITTED = SHIPPED - {*UNGUIDED}
 """Planners whose bodies are fitted after every step, whatever `refit_every` says."""
 _OF_ALL = ("closings", "order", "refit_every", *BUDGET_KEYS)
 """Keys of a strategy that each has."""
@@ -134,7 +136,7 @@ class Study:
             if not self.may_be("contour.axis", {"stereo"}):
                 return False
         if strategy.call:
-            return section == "pads"
+            return section == "pads" and strategy.call not in SHIPPED
         return self.searches("strategy.order") or bool(
             _WHERE_READ[section] & self._procedures(strategy))
 

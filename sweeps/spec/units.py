@@ -82,11 +82,13 @@ def _attribute(key: str) -> str:
     return f"{key}_"  # keys such as `schema` are names that pydantic needs itself
 
 
-def read_table(table: type, values: Any, path: KeyPath, problems: Problems) -> dict[str, Any]:
-    """The checked fields of a spec's table in SI units, keyed by the field names."""
+def read_table(table: type, values: Any, path: KeyPath, problems: Problems,
+               instead: str = "a table") -> dict[str, Any]:
+    """The checked fields of a spec's table in SI units, keyed by the field names; `instead` is what
+    should stand where there is no table."""
     if isinstance(values, Mapping):
         return _read(table, dict(values), problems, lambda where: (*path, *where))
-    problems.add(path, f"is {short(values)}; should be a table")
+    problems.add(path, f"is {short(values)}; should be {instead}")
     return {}
 
 
@@ -148,6 +150,8 @@ def _message(detail: Any, known: Mapping[str, SpecField]) -> str:
     if field.kind is bool:
         return f"{given}should be true or false"
     if field.high < inf:
+        if field.low == field.high:
+            return f"{given}should be {_text(field.low)}"
         number = "a whole number" if field.kind is int else "a number"
         return f"{given}should be {number} {bounds}"
     said = detail["msg"].removeprefix("Input ").removeprefix("Value ")

@@ -233,9 +233,10 @@ def test_a_refused_sweep_changes_nothing(
 
 @pytest.mark.parametrize(("arguments", "says"), [
     (["swep"], "swe"),
-    (["sweep", "SPEC"], "--out"),
+    (["sweep", "SPEC"], "warpgrasp: --out: is missing; see warpgrasp sweep --help"),
+    (["sweep", "-o", "OUT"], "warpgrasp: SPEC: is missing; see warpgrasp sweep --help"),
     (["sweep", "SPEC", "-o", "OUT", "--workers", "0"], "--workers: is 0"),
-    (["sweep", "SPEC", "-o", "OUT", "--workers", "two"], "--workers"),
+    (["sweep", "SPEC", "-o", "OUT", "--workers", "two"], 'convert "two" into int; see'),
     (["sweep", "SPEC", "-o", "OUT", "--shard", "3/2"], "--shard: is '3/2'; should be I/N"),
     (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "0"], "--unit-timeout-s: is 0; should be"),
     (["sweep", "SPEC", "-o", "OUT", "--unit-timeout-s", "nan"], "--unit-timeout-s: is nan"),

@@ -2,14 +2,17 @@
 
 import io
 import os
-from collections.abc import Callable
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from kill_study import kill_and_resume
-from studies import SMALL, fill, plan_of
+from kill_study import command, environment, kill_and_resume, study
+from studies import SMALL, contents, fill, plan_of
 
 import sweeps.output
 from sweeps.analysis.leaderboard import make_leaderboard
@@ -28,6 +31,52 @@ def test_a_study_survives_kills(tmp_path: Path) -> None:
 def test_a_study_survives_fifty_kills(tmp_path: Path) -> None:
     wrong, _ = kill_and_resume(tmp_path, units=60, kills=50, seconds=1.0, seed=1)
     assert not wrong
+
+
+@pytest.fixture
+def running(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
+    """A study in `tmp_path / "out"`, of which two units are there and others are being run."""
+    spec, out = study(tmp_path, 60), tmp_path / "out"
+    (tmp_path / "log").mkdir()
+    process = subprocess.Popen(command(spec, out), stderr=subprocess.PIPE, text=True,
+                               stdout=subprocess.DEVNULL, env=environment(0.1, tmp_path / "log"))
+    while not (process.poll() is not None or len(list(out.glob("units/*.parquet"))) > 1):
+        time.sleep(0.02)
+    yield process
+    process.kill()
+    process.communicate()
+
+
+def go_on(folder: Path, out: Path) -> None:
+    """Continues a study; its units must be those of a run that nothing happened to, and those that
+    were there stay as they are."""
+    before = {file: file.stat().st_mtime_ns for file in out.glob("units/*.parquet")}
+    assert 2 <= len(before) < 60
+    (folder / "again").mkdir()
+    for there in (out, folder / "whole"):
+        subprocess.run(command(folder / "spec.toml", there), check=True, capture_output=True,
+                       env=environment(0.0, folder / "again"))
+    assert before.items() <= {file: file.stat().st_mtime_ns
+                              for file in out.glob("units/*.parquet")}.items()
+    assert contents(out) == contents(folder / "whole")
+    assert len(contents(out)) == 60
+
+
+def test_a_closed_terminal_loses_nothing(
+        tmp_path: Path, running: subprocess.Popen[str]) -> None:
+    running.send_signal(signal.SIGHUP)
+    assert running.wait(60) == -signal.SIGHUP
+    go_on(tmp_path, tmp_path / "out")
+
+
+def test_a_directory_that_is_moved_is_told_and_goes_on(
+        tmp_path: Path, running: subprocess.Popen[str]) -> None:
+    """The message was of a unit for which there is no folder, and that the same command goes on."""
+    (tmp_path / "out").rename(tmp_path / "moved")
+    said = running.communicate(timeout=60)[1]
+    assert running.returncode == 1
+    assert "out: was moved or removed while it was worked on; if it was moved, finished" in said
+    go_on(tmp_path, tmp_path / "moved")
 
 
 def test_temporaries_of_a_run_that_begins_meanwhile_stay(

@@ -4,6 +4,7 @@ import os
 import shutil
 import signal
 import time
+from concurrent.futures import ThreadPoolExecutor
 from multiprocessing import connection
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,6 +17,7 @@ from studies import SMALL, board, contents, plan_of, run_in
 
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
+from sweeps.run import store as store_module
 from sweeps.run.grown_units import reuse_units
 from sweeps.run.local_engine import Options
 from sweeps.run.plan import Plan
@@ -286,6 +288,47 @@ def test_the_second_of_two_runs_is_told_who_holds_the_directory(
         with pytest.raises(Held, match=f"process {os.getpid()} on "):
             run_in(folder, plan)
     run_in(folder, plan)
+
+
+def test_shards_that_overlap_are_refused(whole: tuple[Plan, Path]) -> None:
+    """1/1 has the units of 1/2, and each removed what the other was writing."""
+    _, folder = whole
+    store = Store(folder)
+    with store.lock((2, 3)), store.lock((1, 3)):
+        for shard in ((1, 1), (1, 2), (2, 4)):
+            with pytest.raises(Held, match=f"shard 1/3 is being worked on by process {os.getpid()}"
+                               f" on .*, and has units of shard {shard[0]}/{shard[1]}; "
+                               ), store.lock(shard):
+                pass
+    with store.lock((1, 2)):
+        pass
+
+
+def test_of_two_specs_that_begin_at_once_one_is_refused(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both found an empty directory, and the units of one belonged to nobody."""
+    real = store_module.write_atomic
+
+    def late(path: Path, content: bytes) -> None:
+        time.sleep(0.2 * (path.name == "resolved.json"))
+        real(path, content)
+
+    monkeypatch.setattr(store_module, "write_atomic", late)
+    plans = [plan_of(tmp_path / str(seed), SMALL.replace("seed = 7", f"seed = {seed}"))
+             for seed in (7, 8)]
+
+    def begin(shard: int) -> str:
+        store = Store(tmp_path / "out")
+        with store.lock((shard, 2)):
+            try:
+                store.open_for(plans[shard - 1], None, "cpu")
+            except OtherStudy:
+                return ""
+            return plans[shard - 1].hash
+
+    with ThreadPoolExecutor() as pool:
+        begun = set(pool.map(begin, (1, 2)))
+    assert begun == {"", Store(tmp_path / "out").resolved()["hash"]}
 
 
 def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]) -> None:

@@ -1,6 +1,7 @@
 """A study whose files may not be read or moved: what is said, and which exit code."""
 
 import errno
+import fcntl
 import os
 from pathlib import Path
 from typing import Any
@@ -9,6 +10,7 @@ import pytest
 from studies import fill, plan_of
 
 from sweeps.cli import main as cli
+from sweeps.file_lock import TURN
 from sweeps.run import store as store_module
 from sweeps.run.store import Store, damaged_notes
 from sweeps.run.unit_file import read_unit
@@ -97,11 +99,26 @@ def test_a_file_system_without_flock_is_told(study: Store, monkeypatch: pytest.M
         raise OSError(errno.ENOLCK, os.strerror(errno.ENOLCK))
 
     (study.folder / ".lock-1-of-1").touch()
-    monkeypatch.setattr(store_module.fcntl, "flock", none)
+    monkeypatch.setattr(fcntl, "flock", none)
     spec = study.folder.parent / "spec" / "spec.toml"
     assert cli.run(["sweep", str(spec), "-o", str(study.folder)]) == 2
     assert ".lock-1-of-1: cannot be locked: No locks available; " in capsys.readouterr().err
     assert cli.run(["status", str(study.folder)]) == 0
+
+
+def test_a_directory_that_another_user_has_begun_can_be_shared(
+        study: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    (study.folder / TURN).touch()
+    real = os.open
+
+    def others(path: Any, flags: int, *mode: Any, **more: Any) -> int:
+        if Path(path).name == TURN and flags & os.O_RDWR:
+            raise denied(Path(path))
+        return real(path, flags, *mode, **more)
+
+    monkeypatch.setattr(os, "open", others)
+    with study.lock((1, 1)):
+        assert study.holders().keys() == {"1-of-1"}
 
 
 def test_watch_counts_units_that_may_not_be_read(study: Store, monkeypatch: pytest.MonkeyPatch

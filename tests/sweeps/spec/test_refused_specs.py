@@ -11,7 +11,11 @@ BAD_KEYS = [
     ("seed = 7", "seed = 1.5", "spec.toml:2: seed: is 1.5; should be a whole number from 0 to "),
     ("= 70\no", "= -70\no", "spec.toml:3: episodes_per_cell: is -70; should be a whole "
      "number from 1 to "),
-    ("schema = 1", "schema = 2", "spec.toml:1: schema: is 2"),
+    ("schema = 1", "schema = 2", "spec.toml:1: schema: is 2; should be 1"),
+    ("seed = 7", "hand = 3", "spec.toml:2: hand: is 3; should be a name (`warpgrasp hands` lists "
+     "them) or a table"),
+    ("seed = 7", 'arm = ["none"]', "spec.toml:2: arm: is ['none']; should be a name (`warpgrasp "
+     "arms` lists them) or a table"),
     ("schema = 1\n", "", "spec.toml:1: schema: missing; write schema = 1"),
     ("seed", "sed", "spec.toml:2: sed: unknown key; did you mean seed?"),
     ('"block"', '"blok"', "spec.toml:4: objects[0]: no object 'blok'; did you mean block?"),

@@ -72,6 +72,7 @@ def test_keys_that_say_nothing_of_a_ready_made_planner(tmp_path: Path, line: str
 
 RING, DECIDE = '[[strategy]]\nname = "ring6"\n', '[[strategy]]\nname = "coarse-to-fine"\n'
 RANDOM = '[[strategy]]\nname = "random"\n'
+OWN = '[[strategy]]\nname = "own"\nstrategy = "own.py:f"\n'
 STEREO = '[contour]\naxis = "stereo"\n'
 ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
 
@@ -83,7 +84,9 @@ ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
     (RING, ORDERS + '"contour.step_mm" = [4, 6]', "contours are followed where an order has"),
     (RANDOM, '"decide.flat_below" = [0.1, 0.2]', "it is for an order with decide"),
     (RING, '"pads.gain_spread" = [0.1, 0.2]', "pads feel where an order has"),
-    (RANDOM, '"pads.gain_spread" = [0.1, 0.2]', ""),
+    (RANDOM, '"pads.gain_spread" = [0.1, 0.2]', "or your planner moves them"),
+    (RANDOM, '"errors.pad_mm" = [0.1, 0.2]', "or your planner moves them"),
+    (OWN, '"pads.gain_spread" = [0.1, 0.2]', ""),
     (DECIDE, '"stereo.pixels" = [128, 256]', "cameras look where object.prior is"),
     (DECIDE + STEREO, '"stereo.pixels" = [128, 256]', ""),
     (RING + STEREO, '"stereo.pixels" = [128, 256]', "cameras look where object.prior is"),
@@ -94,9 +97,9 @@ ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
     (RING + "[errors]\nscale = 0\n", '"errors.pad_mm" = [0.1, 0.2]', "errors.scale is 0, and is"),
     (RING, '"errors.pad_gain_pct" = [5, 10]', "pads feel where an order has"),
     (RING, '"fit.normals" = [true, false]', "pads feel where an order has"),
-    (RANDOM, '"fit.free_tips" = [true, false]', ""),
-    (RANDOM, '"pads.power" = [1, 2]', "it is read where pads.law is inverse_power"),
-    (RANDOM, '"pads.law" = ["inverse_power"]\n"pads.power" = [1, 2]', ""),
+    (OWN, '"fit.free_tips" = [true, false]', ""),
+    (OWN, '"pads.power" = [1, 2]', "it is read where pads.law is inverse_power"),
+    (OWN, '"pads.law" = ["inverse_power"]\n"pads.power" = [1, 2]', ""),
     (RING + "[contact]\nweight = false\n", '"hand.link_density_kg_m3" = [500, 1000]',
      "it is read where contact.weight is true"),
     (RING, '"stereo.missing_depth" = [0.1, 0.2]\n"object.prior" = ["silhouettes"]',
@@ -112,6 +115,7 @@ ORDERS = '"strategy.order" = [["containment"], ["containment", "planar"]]\n'
 def test_a_swept_key_changes_something(
         tmp_path: Path, lines: str, swept: str, said: str) -> None:
     file = tmp_path / "study.toml"
+    file.with_name("own.py").write_text("def f(belief):\n    return []\n")
     file.write_text(f'schema = 1\nobjects = ["block"]\n{lines}[sweep.grid]\n{swept}\n')
     if not said:
         assert read_spec(file).setting_count > 0
@@ -120,6 +124,15 @@ def test_a_swept_key_changes_something(
         read_spec(file)
     assert len(error.value.problems) == 1
     assert said in error.value.problems[0].what
+
+
+def test_a_planner_that_ships_is_run_once_beside_swept_pads(tmp_path: Path) -> None:
+    """It was run under each setting, with the same rows."""
+    file = tmp_path / "study.toml"
+    file.write_text(f'schema = 1\nobjects = ["block"]\n{DECIDE}{RANDOM}[sweep.grid]\n'
+                    '"pads.gain_spread" = [0.1, 0.2, 0.3]\n')
+    study = read_spec(file)
+    assert [study.settings_of(number) for number in range(2)] == [3, 1]
 
 
 def test_a_users_planner_is_named_by_its_content(tmp_path: Path) -> None:

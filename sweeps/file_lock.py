@@ -1,0 +1,55 @@
+"""Locks of files, which the kernel releases when their holder dies, however that happens."""
+
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+TURN = ".lock-turn"
+"""Of a directory: whoever begins to work there holds it for a moment."""
+
+
+def try_lock(descriptor: int) -> bool:
+    """Takes a file's lock; patient for a moment, since `holder_of` touches it in passing."""
+    for _ in range(10):
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            time.sleep(0.05)
+        else:
+            return True
+    return False
+
+
+def holder_of(file: Path) -> str | None:
+    """What the holder of a file's lock wrote there; None where nobody holds it. Raises OSError."""
+    with file.open("rb") as stream:
+        try:
+            fcntl.flock(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except BlockingIOError:
+            return stream.read(200).decode(errors="replace")
+    return None
+
+
+def same_file(descriptor: int, file: Path) -> bool:
+    """Whether an open file still has this name."""
+    try:
+        return os.path.samestat(os.fstat(descriptor), file.stat())
+    except OSError:
+        return False
+
+
+@contextmanager
+def turn(folder: Path) -> Iterator[None]:
+    """One process at a time is inside, of all that begin in a directory. Raises OSError."""
+    try:
+        descriptor = os.open(folder / TURN, os.O_RDWR | os.O_CREAT, 0o644)
+    except PermissionError:  # another user, whose run shares the directory, has made it
+        descriptor = os.open(folder / TURN, os.O_RDONLY)
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(descriptor)
