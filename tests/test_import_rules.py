@@ -23,7 +23,7 @@ FLOORS = {
             "superquadric", "revolution", "implicit", "plane_record", "plane", "polyhedron",
             "match_parameters", "interpretation_tree", "point_sets", "points_csv"],
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
-                   "recognition", "foresight", "planners", "trial", "reconstruct",
+                   "recognition", "foresight", "planners", "reconstruct",
                    "exploration_record", "exploration"],
     "sweeps": ["output", "file_lock", "text_table", "spec", "episode", "run", "analysis", "compare",
                "figures", "race", "report", "watch", "gym", "paper", "validate", "bench", "cli",

@@ -115,10 +115,8 @@ def strategy_of_argument(name: str) -> "Strategy":
         return STRATEGIES[name]
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner
-    from strategies.trial import tried
 
     try:
-        tried(name, lambda: make_planner(name, {}))
         make_planner(name, {})
     except PlannerError as error:
         if ".py:" in name:

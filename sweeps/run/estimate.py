@@ -23,11 +23,11 @@ TOUCHES = 200  # of a procedure that feels with pads
 FIT_S = 0.008  # a body found from scratch, in five fits
 GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
-STEP_S = {"random": 0.012, "even": 0.012, "any-object": 0.1, "oracle": 0.3}
+STEP_S = {"random": 0.007, "even": 0.007, "any-object": 0.07, "oracle": 0.05}
 """A step of planners that choose one pose at a time, its fit included."""
 UNGUIDED_S = 0.0015
 """Those whose bodies are fitted once, and a pose of theirs."""
-OTHER_STEP_S = 0.018
+OTHER_STEP_S = 0.01
 """Of the others, and of planners of the user's own."""
 START_S = 4.0
 """Until the first unit is begun, where kernels and fits have been compiled (`warpgrasp warmup`)."""

@@ -3,7 +3,6 @@
 import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -140,17 +139,14 @@ def _read_option(name: str, value: Any, strategies: Sequence[Strategy], path: Ke
     """A value of a planner's option, tried on every planner of the spec that has it."""
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner  # heavy, and only planners need it
-    from strategies.trial import tried
 
     if not is_option(value, path, problems):
         return value
     for strategy in strategies:
-        options, call = dict(strategy.options), strategy.call
+        options = dict(strategy.options)
         if name in options:
-            options[name] = value
             try:
-                tried(call, partial(make_planner, call, options))
-                make_planner(call, options)
+                make_planner(strategy.call, {**options, name: value})
             except PlannerError as error:
                 problems.add(path, str(error))
     return value

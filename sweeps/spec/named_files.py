@@ -19,7 +19,6 @@ from typing import Any
 from strategies.planners.planner_file import PlannerError
 from strategies.reconstruct.plug_in_name import BUILT_IN as WORDS
 from strategies.reconstruct.plug_in_name import find_plug_in, plug_in_file
-from strategies.trial import tried
 from sweeps.spec.errors import KeyPath, Problems, choose, short
 from sweeps.spec.study import Axis
 from warpgrasp.parameters import (
@@ -148,7 +147,6 @@ def read_reconstruct(value: str, base_dir: Path, problems: Problems,
         problems.add(path, str(error))
         return WORDS[0]
     try:
-        tried(call, lambda: find_plug_in(call))
         find_plug_in(call)
     except PlannerError as error:
         problems.add(path, str(error))

@@ -110,10 +110,8 @@ def _read_call(strategy: Strategy, table: Mapping[str, Any], path: KeyPath, base
             return strategy
     from strategies.planners.planner_file import PlannerError
     from strategies.planners.registry import make_planner  # heavy, and only planners need it
-    from strategies.trial import tried
 
     try:
-        tried(call, lambda: make_planner(call, options))
         make_planner(call, options)
     except PlannerError as error:
         problems.add((*path, "strategy"), str(error))
