@@ -48,7 +48,7 @@ CHAINS = {"any-object": 0.35}
 CHAINS_OTHER = 1.3
 """Of hands that are chains of joints, by what the strategy calls."""
 ITERATED = {"any-object": 25.0}
-ITERATED_OTHER = 4.0
+ITERATED_OTHER = 8.0
 """Of arms whose inverse kinematics are iterated, where a planner tries many poses a step."""
 
 
