@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 Record = TypeVar("Record")
+_BLOCK = 32  # points
 
 
 def rows_of(record: Record, rows: Any) -> Record:
@@ -46,6 +47,22 @@ def row_sums(values: np.ndarray) -> np.ndarray:
     NumPy's pairwise sums would depend in the last digit on the padding of a row.
     """
     return np.nancumsum(values, axis=1)[:, -1] if values.shape[1] else np.zeros(len(values))
+
+
+def row_products(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Sums over points of a (row, point, i) times b (row, point, j): (row, i, j).
+
+    Points are taken in blocks of one length: BLAS sums short and long products in other orders, so
+    that the last digit would depend on the padding of a row.
+    """
+    blocks = -(-a.shape[1] // _BLOCK)
+
+    def in_blocks(values: np.ndarray) -> np.ndarray:
+        padded = np.zeros((len(values), blocks * _BLOCK, values.shape[2]))
+        padded[:, :values.shape[1]] = values
+        return padded.reshape(len(values), blocks, _BLOCK, values.shape[2])
+
+    return (np.swapaxes(in_blocks(a), 2, 3) @ in_blocks(b)).sum(axis=1)
 
 
 def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> Any:

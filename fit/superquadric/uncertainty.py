@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fit.arrays import is_valid, row_medians, row_sums
+from fit.arrays import is_valid, row_medians, row_products, row_sums
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
@@ -85,7 +85,7 @@ def superquadric_uncertainty(
     sigma = _sigma(away / slope, normal, kept, fitted.sum(axis=1), covariance, sigma_floor_m)
     slopes = slopes / slope[..., None] * prior[:, None]
     rows = slopes / sigma[..., None] * kept[..., None]
-    information = np.swapaxes(rows, 1, 2) @ rows + np.eye(15)
+    information = row_products(rows, rows) + np.eye(15)
     if table_z is not None:
         row = _table_slope(body, prior) / table_sigma_m
         information += row[:, :, None] * row[:, None, :]
@@ -95,7 +95,7 @@ def superquadric_uncertainty(
         # What least squares make of each of these errors.
         shifts = shared_m(normal) if callable(shared_m) else shared_m
         moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
-        shared = unit @ (np.swapaxes(rows, 1, 2) @ moved)
+        shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
     log_volume_std = _log_volume_std(body, cov)

@@ -23,7 +23,7 @@ TOUCHES = 200  # of a procedure that feels with pads
 FIT_S = 0.008  # a body found from scratch, in five fits
 GRASP_S = 0.0008  # a pose of two closings
 TOUCHED_S = {"planar": 0.07, "contour": 0.03, "decide": 0.08}
-STEP_S = {"random": 0.007, "even": 0.007, "any-object": 0.07, "oracle": 0.05}
+STEP_S = {"random": 0.007, "even": 0.007, "any-object": 0.08, "oracle": 0.05}
 """A step of planners that choose one pose at a time, its fit included."""
 UNGUIDED_S = 0.0015
 """Those whose bodies are fitted once, and a pose of theirs."""
@@ -37,9 +37,9 @@ OBJECT_S = 0.6
 """The first time that a worker meets an object: its grid, the elements of its surface."""
 UNIT_S = 0.1
 """A unit beside its episodes, placing, fits and scores of few worlds: 0.04 to 0.3."""
-UNIT_STEP_S = 0.04
+UNIT_STEP_S = 0.07
 """A step of a planner that is called for one unit at a time, beside its worlds."""
-FORM_S = 0.15
+FORM_S = 0.22
 """Making and scoring a body where a free form may stand for it [est]."""
 GROWN = 1.5
 """By which factor touches have grown when the next such body is made (docs/free_forms.md)."""

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from fit.arrays import joined, row_medians, row_sums, rows_of, with_rows
+from fit.arrays import joined, row_medians, row_products, row_sums, rows_of, with_rows
 
 
 class _Pair(NamedTuple):
@@ -87,3 +87,15 @@ def test_medians_are_those_of_numpy_to_the_last_bit() -> None:
 def test_a_row_of_gaps_has_no_median() -> None:
     medians = row_medians(np.array([[np.nan, np.nan], [1.0, np.nan], [1.0, 3.0]]))
     assert np.array_equal(medians, [np.nan, 1.0, 2.0], equal_nan=True)
+
+
+def test_products_of_rows_do_not_depend_on_their_padding() -> None:
+    """BLAS sums short and long products in other orders, on some processors."""
+    rng = np.random.default_rng(4)
+    for points in (1, 31, 32, 37, 96):
+        a, b = rng.normal(size=(3, points, 15)), rng.normal(size=(3, points, 2))
+        padded = [np.concatenate([v, np.zeros((3, 300 - points, v.shape[2]))], axis=1)
+                  for v in (a, b)]
+        assert np.array_equal(row_products(a, b), row_products(*padded))
+        np.testing.assert_allclose(row_products(a, b), np.einsum("rpi,rpj->rij", a, b), rtol=1e-12,
+                                   atol=1e-13)

@@ -29,10 +29,9 @@ from warpgrasp.parameters import ContactTable, HandTable, ObjectTable, SensorTab
 HAND = HandTable()
 
 
-def grasped(body: Body, prior: Body, sensors: SensorTable, **options: Any
+def grasped(body: Body, prior: Body, sensors: SensorTable, worlds: int = 8, **options: Any
             ) -> tuple[Closing, ClosingTruth]:
-    """The closings of `ring6` about `told` in eight worlds where `body` stands."""
-    worlds = 8
+    """The closings of `ring6` about `prior` in worlds where `body` stands."""
     key = counter_key(3, np.arange(worlds))
     pose = place_objects(ObjectTable(), key)
     strategy = STRATEGIES["ring6"]
@@ -51,11 +50,11 @@ def test_a_superquadric_all_but_a_block_stops_fingers_as_the_block_does() -> Non
     nearly = body_from_table({"name": "nearly", "superquadric": {
         "size_mm": half.tolist(), "exponents": [0.1, 0.1]}}, Path())
     (felt, truth), (nearly_felt, nearly_truth) = (
-        grasped(body, block, SensorTable(),
+        grasped(body, block, SensorTable(), 64,
                 contact=ContactTable(self_contact=False, friction=0.0))
         for body in (block, touched_body(nearly)))
     touched = (truth.link >= 0) & (nearly_truth.link >= 0)
-    assert touched.sum() > 150
+    assert touched.sum() > 1200
     assert touched.sum() > 0.95 * (truth.link >= 0).sum()
     assert (np.abs(felt.step - nearly_felt.step)[touched] <= 3).mean() > 0.9
     apart = np.linalg.norm(truth.point_m - nearly_truth.point_m, axis=-1)[touched]
