@@ -4,8 +4,8 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit": ["fit_implicit"],
-    "known": ["KnownProcess", "fit_known", "known_deviations", "known_slopes", "log_evidence",
-        "of_fit", "shared_error_means"],
+    "known": ["KnownProcess", "fit_known", "known_deviations", "known_kernel", "known_slopes",
+        "log_evidence", "of_fit", "shared_error_means"],
     "mean_errors": ["MeanErrors", "errors_left"],
     "mesh": ["implicit_meshes", "zero_set_meshes"],
     "query": ["ImplicitValues", "implicit_distance", "implicit_slopes",

@@ -12,11 +12,10 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Float, Int
 from scipy.linalg import cho_factor, cho_solve, cholesky, solve_triangular
-from scipy.spatial.distance import cdist
 
+from fit.implicit.known import KnownProcess, known_kernel
 from fit.implicit.record import ImplicitFit
 
-SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
 MeanErrors = Callable[[Float[np.ndarray, "row point 3"], Int[np.ndarray, " row"]],
                       Float[np.ndarray, "row point error"]]
 """By how much one standard deviation of each error of the bodies of the fits of given numbers,
@@ -38,15 +37,11 @@ def _left(fits: ImplicitFit, row: int, errors: MeanErrors, at_m: np.ndarray) -> 
     before = errors(at_m[None], own)[0]
     if not used.any():
         return before
-    factor = cho_factor(_kernel(fits, row, rows_m, rows_m) + np.diag(fits.noise_m2[row][used]),
+    process = KnownProcess(fits.length_m[row], fits.amplitude_m[row])
+    factor = cho_factor(known_kernel(process, rows_m, rows_m) + np.diag(fits.noise_m2[row][used]),
                         lower=True)
     known = errors(rows_m[None], own)[0]
     solved = cho_solve(factor, known)
     information = np.eye(known.shape[1]) + known.T @ solved
-    beyond = before - _kernel(fits, row, at_m, rows_m) @ solved
+    beyond = before - known_kernel(process, at_m, rows_m) @ solved
     return solve_triangular(cholesky(information, lower=True), beyond.T, lower=True).T
-
-
-def _kernel(fits: ImplicitFit, row: int, a_m: np.ndarray, b_m: np.ndarray) -> np.ndarray:
-    scaled = SQRT3 * cdist(a_m, b_m) / fits.length_m[row]
-    return np.asarray(fits.amplitude_m[row] ** 2 * (1.0 + scaled) * np.exp(-scaled))

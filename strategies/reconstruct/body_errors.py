@@ -11,9 +11,9 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial.distance import cdist
 
 from fit.arrays import rows_of
+from fit.implicit.known import KnownProcess, known_kernel
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import SuperquadricLike
 from fit.superquadric.uncertainty import distance_slopes, superquadric_uncertainty
@@ -93,9 +93,7 @@ def _moved(body: RevolutionBody, number: int, by_m: float) -> RevolutionBody:
     return replace(body, axis=axis / np.linalg.norm(axis, axis=1, keepdims=True))
 
 
-def with_unfelt(
-    known: "VolumeEstimate", felt: Felt, area_m2: np.ndarray
-) -> "VolumeEstimate":
+def with_unfelt(known: "VolumeEstimate", felt: Felt, area_m2: np.ndarray) -> "VolumeEstimate":
     """Volumes and surfaces, less sure by how far contacts are from each place of the surface.
 
     `felt` are the contacts, as placed, of the worlds of `known`; `area_m2` (world,) is that of the
@@ -103,9 +101,8 @@ def with_unfelt(
     """
     away = unfelt_distance(known.surface_m, felt)
     off, length = UNFELT * away, np.maximum(away.mean(1), LEAST_LENGTH_M)
-    apart = np.stack([cdist(places, places) for places in known.surface_m])
-    scaled = 3.0**0.5 * apart / length[:, None, None]
-    alike = (1.0 + scaled) * np.exp(-scaled)
+    alike = np.stack([known_kernel(KnownProcess(one, amplitude_m=1.0), places, places)
+                      for one, places in zip(length, known.surface_m, strict=True)])
     square = np.einsum("wi,wij,wj->w", off, alike, off) / off.shape[1] ** 2
     return replace(known, std_m3=np.sqrt(known.std_m3**2 + area_m2**2 * square),
                    surface_std_m=np.hypot(known.surface_std_m, off))
