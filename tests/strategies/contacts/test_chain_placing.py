@@ -1,7 +1,7 @@
 """Contacts of hands that are chains placed on bodies of any form: where stations are, and as on the
 superquadric that a field is of; the Utah-MIT hand as its own kernels have it."""
 
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from functools import lru_cache
 from importlib.resources import files
 from pathlib import Path
@@ -213,8 +213,28 @@ def test_a_ball_is_touched_from_all_sides(joint: int, tmp_path: Path) -> None:
     assert np.allclose(found.point_m, centre - 0.008 * normal, atol=1e-4)
 
 
-def test_of_capsules_side_by_side_the_one_in_front_is_touched() -> None:
-    """By a body that is believed so far in the hand that the one behind is at its skin."""
+@dataclass(frozen=True)
+class SideBySide:
+    """The LEAP hand's last link, whose capsules lie side by side."""
+
+    links: TouchedLinks
+    start_m: np.ndarray
+    """Of both axes, (capsule 2, 3)."""
+    along: np.ndarray
+    across: np.ndarray
+    """Unit vectors along them and from the second to the first."""
+    radius_m: float
+
+    def before(self, normal: np.ndarray) -> FieldPlaces:
+        """The contact, if the body is a plane that the first capsule touches."""
+        stations = link_stations(self.links)
+        distance = (stations - self.start_m[0]) @ normal + self.radius_m
+        return placed(self.links, self.links.linked, distance,
+                      np.broadcast_to(normal, stations.shape).copy())
+
+
+@pytest.fixture(scope="module")
+def side_by_side() -> SideBySide:
     hand = chain_of(hand_of_kind("leap"))
     last = [k for k, joint in enumerate(hand.capsule_joint[0]) if joint == hand.links - 1]
     links = no_links(1, 1, HandTable(kind="leap"))
@@ -226,12 +246,26 @@ def test_of_capsules_side_by_side_the_one_in_front_is_touched() -> None:
     along = (end - start)[0] / np.linalg.norm((end - start)[0])
     across = (start + end)[0] - (start + end)[1]
     across -= (across @ along) * along
-    normal = across / np.linalg.norm(across)
-    radius = hand.capsules[0][last[0]].radius
-    assert np.ptp(start @ normal) > 0.004
-    stations = link_stations(links)
-    distance = (stations - start[0]) @ normal + radius
-    found = placed(links, links.linked, distance, np.broadcast_to(normal, stations.shape).copy())
+    return SideBySide(links, start, along, across / np.linalg.norm(across),
+                      hand.capsules[0][last[0]].radius)
+
+
+def test_of_capsules_side_by_side_the_one_in_front_is_touched(side_by_side: SideBySide) -> None:
+    """By a body that is believed so far in the hand that the one behind is at its skin."""
+    hand, normal = side_by_side, side_by_side.across
+    assert np.ptp(hand.start_m @ normal) > 0.004
+    found = hand.before(normal)
     assert found.chance[0, 0] == pytest.approx(1.0)
-    front = start[1] - radius * normal
+    front = hand.start_m[1] - hand.radius_m * normal
     assert abs((found.point_m[0, 0] - front) @ normal) < 1e-3
+    assert normal @ found.covariance_m2[0, 0] @ normal < 2.0 * NORMAL_SIGMA_M**2
+
+
+def test_of_capsules_side_by_side_either_may_be_touched(side_by_side: SideBySide) -> None:
+    """By a body that is as near to both; then the contact's variance across them says so."""
+    hand = side_by_side
+    found = hand.before(np.cross(hand.along, hand.across))
+    apart = np.ptp(hand.start_m @ hand.across)
+    variance = hand.across @ found.covariance_m2[0, 0] @ hand.across
+    assert variance - NORMAL_SIGMA_M**2 == pytest.approx(0.5 * apart**2, rel=0.2)
+    assert found.chance[0, 0] == pytest.approx(1.0)
