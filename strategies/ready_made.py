@@ -44,8 +44,8 @@ STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
     Strategy("random6", (Random(count=6),), doc="six at random from the upper side"),
     Strategy("random18", (Random(count=18),), doc="eighteen at random from the upper side"),
     *(Strategy(name, call=name, touches=TOUCHES, doc=doc) for name, doc in (
-        ("random", "adaptive baseline: a pose at random among the candidates"),
-        ("even", "adaptive baseline: the pose farthest from those taken"),
+        ("random", "baseline: a pose at random among the candidates"),
+        ("even", "baseline: the pose farthest from those taken"),
         ("coverage", "adaptive: touches farthest from all that was felt"),
         ("most-uncertain", "adaptive: where the fitted surface is least certain"),
         ("information", "adaptive: greatest expected information (D-optimal)"),

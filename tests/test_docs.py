@@ -13,6 +13,7 @@ import shlex
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import numpy as np
@@ -22,11 +23,15 @@ from doc_blocks import ROOT, Block, blocks, commands, pages
 
 from strategies.poses.closing_paths import CLOSING_PATHS
 from strategies.poses.waypoints import WAYPOINT_KINDS
+from strategies.recovery.belief import Belief
 from sweeps.analysis.entries import METRICS
 from sweeps.report.episode_files import OTHERS
+from sweeps.spec.cell import SECTIONS
+from sweeps.spec.reader import HEAD
 from sweeps.spec.units import spec_fields
 from warpgrasp.geometry.scene import Join
 from warpgrasp.objects.catalogue import _COMPOUND_KEYS
+from warpgrasp.parameters import FitTable
 
 LIGHT = {"objects", "hands", "hand", "strategies", "init", "check", "sweep", "status",
          "leaderboard", "table", "rows", "compare", "figure", "export", "completion"}
@@ -63,7 +68,9 @@ def test_every_kind_of_table_and_figure_is_told() -> None:
 
 @pytest.mark.parametrize(("page", "names"), [
     ("strategies", lambda: [*CLOSING_PATHS, *WAYPOINT_KINDS, *(
-        key for table in WAYPOINT_KINDS.values() for key in spec_fields(table))]),
+        key for table in WAYPOINT_KINDS.values() for key in spec_fields(table)),
+        *spec_fields(FitTable), *(field.name for field in fields(Belief))]),
+    ("studies", lambda: [*HEAD, *(f"[{section}]" for section in SECTIONS)]),
     ("leaderboard", lambda: METRICS), ("first_hour", lambda: OTHERS),
     ("objects", lambda: [*_COMPOUND_KEYS, *(join.name.lower() for join in Join)])])
 def test_what_users_write_and_read_is_told(page: str, names: Callable[[], list[str]]) -> None:

@@ -77,7 +77,7 @@ def objects_table(paired: Paired, metric: str) -> TextTable:
          number_text(row.also[0], 2), number_text(row.also[1], 2), number_text(row.also[2], 4),
          str(row.episodes))
         for row in object_rows(paired, metric))
-    return TextTable(header, rows, paired.notes)
+    return TextTable(header, rows, paired.notes_of_data)
 
 
 def beside_table(paired: Paired) -> TextTable:
@@ -99,4 +99,4 @@ def beside_table(paired: Paired) -> TextTable:
             cells = (number_text(float(paired.values[metric][number][:, own[column]].mean()), 2)
                      if column in own else "" for metric in BESIDE for column in columns)
             rows.append((name, first.label.removesuffix(f" [{first.setting}]"), *cells))
-    return TextTable(header, tuple(rows), paired.notes)
+    return TextTable(header, tuple(rows), paired.notes_of_data)

@@ -115,6 +115,12 @@ class Paired:
         """The entries' names."""
         return [entry.label for entry in self.entries]
 
+    @property
+    def notes_of_data(self) -> tuple[str, ...]:
+        """The notes of a table whose intervals `over` does not choose."""
+        option = interval_note(self.over)
+        return tuple(note for note in self.notes if note != option)
+
     def statistics(self, metric: str) -> ObjectMeans:
         """The means with intervals that need no replicates."""
         found = ObjectMeans(len(self.entries), 0, chances=metric in CHANCES)

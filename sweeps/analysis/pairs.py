@@ -154,7 +154,8 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
               "these_high", "wins", "p_objects", "p_objects_holm", "p_episodes", "p_episodes_holm",
               "paired_over_unpaired")
     return TextTable(header, rows, (
-        *paired.notes, *_power(known, len(pairs), fewer=against is None and len(pairs) > 1)))
+        *paired.notes_of_data,
+        *_power(known, len(pairs), fewer=against is None and len(pairs) > 1)))
 
 
 def _p(value: float) -> str:

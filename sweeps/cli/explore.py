@@ -46,10 +46,11 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
         What stands for the body at the end: superquadric; chosen, a free-form surface where the
-        model does not explain the touches, or a polyhedron of the faces crossed where it explains
-        them better; implicit, a free form wherever it is plausible; parts, several superquadrics
-        where contacts ask for them; or a function of yours, as mine.py:my_network. If not given,
-        chosen with any-object, which touches all around, else superquadric.
+        model does not explain the touches, or a polyhedron of the faces crossed or a bent
+        superquadric where these explain them better; implicit, a free form wherever it is
+        plausible; parts, several superquadrics where contacts ask for them; or a function of yours,
+        as mine.py:my_network. If not given, chosen with any-object, which touches all around, else
+        superquadric.
     device
         cpu, or cuda:0.
     """

@@ -123,7 +123,8 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
     device
         cpu, or cuda:0.
     set_
-        KEY=V1,V2: adds or replaces a grid axis; seed=, episodes_per_cell= replace a value.
+        KEY=V1,V2: adds or replaces a grid axis; seed=, episodes_per_cell=, name= and keep= replace
+        a value of the spec.
     engine
         local: worker processes here; ray: tasks on a Ray cluster (an optional extra).
     address

@@ -130,7 +130,7 @@ def summary(found: Verdict) -> dict[str, str]:
         "tied": f"{tied:,} not known to be worse, {worse:,} worse",
         "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rung{'s' * (last.number > 1)}",
-        "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; reckoned)",
+        "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; computed)",
     }
 
 

@@ -287,6 +287,16 @@ def test_the_command_writes_the_same_bytes_twice(
     assert capsys.readouterr().out.split()[0] in ("strategy", "object")
 
 
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "settings"])
+def test_notes_name_options_that_the_table_takes(
+        study: tuple[Plan, Store], kind: str, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["table", str(study[1].folder), kind]
+    words += ["--against", "s"] if kind == "same-time" else []
+    assert cli.run(words) == 0
+    named = "--over these" in capsys.readouterr().err
+    assert (cli.run([*words, "--over", "these"]) == 0) == named
+
+
 @pytest.mark.parametrize(("kind", "metric"), [
     ("pareto", "robot_time_s"), ("objects", "robot_time_s"), ("objects", "touches")])
 def test_a_metric_that_is_a_column_besides(
