@@ -13,13 +13,14 @@ from strategies.contacts.body_uncertainty import surface_spread
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
+from strategies.recovery.contact_verdict import TABLE, UNSURE_BODY
 from sweeps.episode.contact_rows import contact_columns
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 from warpgrasp.objects.families import family_table
-from warpgrasp.parameters import ErrorTable
+from warpgrasp.parameters import ErrorTable, HandTable
 
 FAR_MM, Z = 10.0, 1.645
 
@@ -41,21 +42,25 @@ def errors_times(factor: float) -> ErrorTable:
     return ErrorTable(scale=factor)
 
 
-def cell_of(table: dict[str, Any], strategy: str, seed: int, errors: ErrorTable) -> Cell:
+def cell_of(table: dict[str, Any], strategy: str, seed: int, errors: ErrorTable,
+            hand: str = "utah_mit") -> Cell:
     """Episodes of a ready-made strategy."""
-    return Cell(STRATEGIES[strategy], table, table["name"], seed=seed, errors=errors)
+    return Cell(STRATEGIES[strategy], table, table["name"], seed=seed, errors=errors,
+                hand=HandTable(kind=hand))
 
 
-def contact_row(cell: Cell, episodes: int) -> tuple[int, int, int]:
-    """Contacts felt on the object or near it, those accepted, and of these those off by more than
-    `FAR_MM`."""
+def contact_row(cell: Cell, episodes: int) -> np.ndarray:
+    """Contacts felt on the object or near it; those accepted, and of these those off by more than
+    `FAR_MM`; and both counts if places that only the model tells were accepted, too."""
     block = run_block(cell, np.arange(episodes), "cpu")
     columns = contact_columns(block.exploration, block.truth)
-    felt = (columns["verdict"] != "") & (columns["verdict"] != "table")
+    verdict = columns["verdict"]
     off = np.stack([columns[f"{a}_m"] - columns[f"true_{a}_m"] for a in "xyz"])
     far = ~(np.linalg.norm(off, axis=0) * 1e3 <= FAR_MM)
     accepted = columns["accepted"] == 1
-    return int(felt.sum()), int(accepted.sum()), int((accepted & far).sum())
+    either = accepted | (verdict == UNSURE_BODY)
+    return np.array([((verdict != "") & (verdict != TABLE)).sum(), accepted.sum(),
+                     (accepted & far).sum(), either.sum(), (either & far).sum()])
 
 
 def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
