@@ -94,6 +94,16 @@ def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
         compare_pairs(paired, "chamfer_mm", "sxxx")
 
 
+def test_where_more_is_better_pairs_are_mirrored(paired: Paired) -> None:
+    mirrored = Paired(paired.entries, paired.objects,
+                      {"iou": tuple(1.0 - v / 100.0 for v in paired.values["chamfer_mm"])},
+                      {"iou": 1.0 - paired.means["chamfer_mm"] / 100.0}, ())
+    for error, share in zip(compare_pairs(paired, "chamfer_mm", "best"),
+                            compare_pairs(mirrored, "iou", "best"), strict=True):
+        assert (share.first, share.second, share.wins) == (error.first, error.second, error.wins)
+        assert share.difference == pytest.approx(-error.difference / 100.0)
+
+
 def test_an_identical_copy_is_never_told_apart(paired: Paired) -> None:
     twin = Paired(paired.entries[:2], paired.objects,
                   {"iou": tuple(v[:, [0, 0]] for v in paired.values["chamfer_mm"])},
