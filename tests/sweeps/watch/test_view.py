@@ -208,6 +208,22 @@ def test_episodes_that_were_fitted_once_have_no_curve() -> None:
     assert mean_errors([]) == []
 
 
+def test_a_race_of_what_is_to_be_more_is_its_csv(tmp_path: Path,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    out = tmp_path / "out"
+    assert cli.run(["race", str(write_spec(tmp_path, SPEC)), "-o", str(out), "--within", "0.05",
+                    "--metric", "iou"]) == 0
+    first, *others = View(out, "iou").state().rows
+    best, *rows = csv.DictReader((out / "race.csv").read_text().splitlines())
+    assert first.mean == pytest.approx(float(best["iou"]), abs=6e-5)
+    assert rows
+    for mine, theirs in zip(others, rows, strict=True):
+        assert mine.mean == mine.low == pytest.approx(float(theirs["iou"]), abs=6e-5)
+        assert mine.high == pytest.approx(
+            first.mean - float(theirs["worse_by_at_least"]), abs=2e-4)
+
+
 def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                            capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
