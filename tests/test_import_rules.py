@@ -4,7 +4,7 @@ a folder and a file may hold."""
 import ast
 import importlib
 import re
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import cache
 from graphlib import CycleError, TopologicalSorter
@@ -169,6 +169,19 @@ def test_every_module_can_be_imported() -> None:
         except ModuleNotFoundError as error:  # of an extra
             if (error.name or "").partition(".")[0] in FLOORS:
                 raise
+
+
+def test_private_names_are_used() -> None:
+    """In their own file or by one that imports them; others are left over."""
+    taken = {name for path in FILES for _, names in imported(path) for name in names}
+    for path in FILES:
+        known = {target.id for node in tree(path).body if isinstance(node, ast.Assign)
+                 for target in node.targets if isinstance(target, ast.Name)}
+        known |= {node.name for node in tree(path).body
+                  if isinstance(node, ast.FunctionDef | ast.ClassDef)}
+        words = Counter(re.findall(r"\w+", path.read_text()))
+        alone = sorted(n for n in known - taken if re.match("_[^_]", n) and words[n] == 1)
+        assert alone == [], f"{path}: nothing uses {alone}"
 
 
 def test_jaxopt_lives_in_one_file() -> None:

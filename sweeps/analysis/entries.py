@@ -43,6 +43,16 @@ def bounds_of(metric: str) -> tuple[float, float]:
     return 0.0, 1.0 if metric in HIGHER_IS_BETTER else np.inf
 
 
+def sign_of(metric: str) -> float:
+    """What a metric is multiplied by so that less is better: 1 or -1."""
+    return -1.0 if metric in HIGHER_IS_BETTER else 1.0
+
+
+def digits_of(metric: str) -> int:
+    """Decimal places of a metric in a table."""
+    return 4 if metric in HIGHER_IS_BETTER else 3
+
+
 class LeaderboardError(ValueError):
     """A comparison that cannot be made; the message says why."""
 

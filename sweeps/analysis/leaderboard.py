@@ -25,7 +25,6 @@ import numpy as np
 from sweeps.analysis.entries import (
     CHANCES,
     COSTS,
-    HIGHER_IS_BETTER,
     METRICS,
     SCORES,
     Entry,
@@ -33,10 +32,12 @@ from sweeps.analysis.entries import (
     Reference,
     bounds_of,
     check_metric,
+    digits_of,
     entries_of,
     entry_axes,
     prior_column,
     references_of,
+    sign_of,
 )
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import (
@@ -188,7 +189,7 @@ class _Ranking:
     def __init__(self, entries: Sequence[Entry], references: Sequence[Reference], metric: str,
                  seed: int) -> None:
         self.entries, self.metric = entries, metric
-        self.sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+        self.sign = sign_of(metric)
         self.references = references
         self.means = {name: ObjectMeans(len(entries), seed, chances=name in CHANCES)
                       for name in {metric, "iou"}}
@@ -230,7 +231,7 @@ class _Ranking:
         these = sensible_ends(found.values("these", bounds_of(metric)))
         delta, delta_these = (found.differences(order[0], over) for over in ("like-these", "these"))
         iou = self.means["iou"].values("like-these", bounds_of("iou"))
-        digits = 4 if metric in HIGHER_IS_BETTER else 3
+        digits = digits_of(metric)
         columns: dict[str, tuple[np.ndarray, int]] = {
             **{name: (_mean(self.plain[name], len(self.entries)), PLAIN[name]) for name in PLAIN},
             "iou": (iou.value, 4), "iou_ci_low": (iou.low, 4), "iou_ci_high": (iou.high, 4),

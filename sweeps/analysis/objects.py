@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import HIGHER_IS_BETTER, digits_of
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
 
@@ -68,7 +68,7 @@ def median_interval(values: np.ndarray) -> tuple[float, float]:
 
 def objects_table(paired: Paired, metric: str) -> TextTable:
     """The table of `warpgrasp table DIR objects`."""
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    digits = digits_of(metric)
     header = ("object", "strategy", f"{metric}_median", "ci_low", "ci_high", f"{metric}_mean",
               f"{metric}_p90", "touches", "robot_time_s", "failure_rate", "n_episodes")
     rows = tuple(

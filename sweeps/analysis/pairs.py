@@ -14,7 +14,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, LeaderboardError
+from sweeps.analysis.entries import LeaderboardError, digits_of, sign_of
 from sweeps.analysis.paired import Paired
 from sweeps.spec.errors import choose
 from sweeps.text_table import TextTable, number_text
@@ -44,7 +44,7 @@ class Pair:
 def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> list[Pair]:
     """Every pair of entries, or each entry against one (`best`: the one of the best mean)."""
     exact, of_objects = paired.statistics(metric), paired.object_means(metric)
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(metric)
     found = []
     for a, b in _chosen(paired.labels, sign * paired.means[metric][0], against):
         like, these = (exact.differences(b, over, simultaneous=False)
@@ -140,7 +140,7 @@ def holm(p: np.ndarray) -> np.ndarray:
 def pairs_table(paired: Paired, metric: str, against: str | None = None) -> TextTable:
     """The table of `warpgrasp table DIR pairs`."""
     pairs = compare_pairs(paired, metric, against)
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    digits = digits_of(metric)
     of_objects = holm(np.array([pair.p_objects for pair in pairs]))
     of_episodes = holm(np.array([pair.p_episodes for pair in pairs]))
     known = paired.known_objects(metric)

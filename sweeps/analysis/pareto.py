@@ -10,7 +10,7 @@ import numpy as np
 
 from strategies.ready_made import REFERENCE
 from sweeps.analysis.bootstrap import Estimate
-from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of, prior_column
+from sweeps.analysis.entries import bounds_of, digits_of, prior_column, sign_of
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
@@ -43,7 +43,7 @@ def columns_of(metric: str) -> list[str]:
 def find_front(paired: Paired, metric: str) -> Pareto:
     """The front of `metric` and robot time. Without the priors' scores no entry is idle."""
     error, cost = paired.means[metric], paired.means[COST]
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(metric)
     given = paired.means.get(prior_column(metric) or "", np.full_like(error, np.nan))
     idle = sign * (error - given) >= -ROUNDING * np.abs(given)
     by = dominating(sign * error[0], cost[0]) & ~idle[0]
@@ -80,7 +80,7 @@ def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:
 def pareto_table(paired: Paired, metric: str) -> TextTable:
     """The table of `warpgrasp table DIR pareto`, the cheapest first."""
     front = find_front(paired, metric)
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    digits = digits_of(metric)
     order = sorted(range(len(paired.labels)),
                    key=lambda n: (_last(front.cost.value[n]), paired.labels[n]))
     rows = tuple(

@@ -13,13 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import (
-    CHANCES,
-    HIGHER_IS_BETTER,
-    LeaderboardError,
-    bounds_of,
-    value_texts,
-)
+from sweeps.analysis.entries import CHANCES, LeaderboardError, bounds_of, digits_of, value_texts
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.run.plan import Plan
@@ -115,7 +109,7 @@ def _is_number(value: object) -> bool:
 
 def settings_table(plan: Plan, paired: Paired, metric: str) -> TextTable:
     """The table of `warpgrasp table DIR settings`: a line a level."""
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    digits = digits_of(metric)
     rows = []
     for effect in effects(plan, paired, metric):
         about = (*(number_text(v, digits) for v in effect.spread), number_text(effect.share, 4))

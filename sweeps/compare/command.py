@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, check_metric
+from sweeps.analysis.entries import check_metric, digits_of
 from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
@@ -118,7 +118,7 @@ def _shared_text(shared: Shared, shift: Shift) -> str:
 
 def shift_table(shared: Shared, shift: Shift, metric: str) -> TextTable:
     """A row for each shared entry, and one for all together."""
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
+    digits = digits_of(metric)
     labels = [match.label for match in shared.matches]
     means = [(a, b) for a, b in zip(shift.one, shift.other, strict=True)]
     if len(labels) > 1:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sweeps.analysis.curves import Curves, grid_of, mean_curve
-from sweeps.analysis.entries import HIGHER_IS_BETTER, value_text
+from sweeps.analysis.entries import sign_of, value_text
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.settings import Effect, effects
 from sweeps.figures.style import (
@@ -129,7 +129,7 @@ def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
     The best eight strategies by their best level are in colour, with intervals; the others grey.
     """
     found = list(effects(plan, paired, metric, cut=False))
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(metric)
     best: dict[str, float] = {}
     for effect in found:
         values = sign * effect.value[np.isfinite(effect.value)]

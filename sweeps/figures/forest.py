@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
+from sweeps.analysis.entries import bounds_of, sign_of
 from sweeps.analysis.paired import Paired
 from sweeps.figures.style import COLOURS, distinct_labels, drawing, figure, metric_label
 from sweeps.figures.style import FARTHEST as FARTHEST_MEANS
@@ -30,7 +30,7 @@ def draw_forest(paired: Paired, metric: str) -> "Figure":
     is neither drawn nor explained.
     """
     exact, means = paired.statistics(metric), paired.means[metric]
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(metric)
     key = np.where(np.isfinite(means[0]), sign * means[0], np.inf)
     order = sorted(range(len(paired.labels)), key=lambda n: (key[n], paired.labels[n]))
     count, order = len(order), order[:MOST_ENTRIES]

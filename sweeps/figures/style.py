@@ -177,11 +177,11 @@ def cut_to(label: str, width_in: float, points: float = 7.5) -> str:
     return cut(label, 1)
 
 
-def titled(name: str, words: str, width_in: float = COLUMN_IN) -> str:
+def titled(name: str, words: str) -> str:
     """A title that names an object and says what is shown: in two lines if one has no room."""
-    if text_width_in(f"{name}: {words}", 7.5) <= 0.92 * width_in:
+    if text_width_in(f"{name}: {words}", 7.5) <= 0.92 * COLUMN_IN:
         return f"{name}: {words}"
-    return f"{cut_to(name, 0.92 * width_in)}\n{words}"
+    return f"{cut_to(name, 0.92 * COLUMN_IN)}\n{words}"
 
 
 def metric_label(metric: str) -> str:

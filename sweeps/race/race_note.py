@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import sign_of
 from sweeps.output import write_atomic
 from sweeps.race.elimination import Look
 from sweeps.race.verdict import Verdict, claim, verdict_name
@@ -31,7 +31,7 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     `stage` says which race of a search it is; its entries are not those of the study.
     """
     last = found.last
-    sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(found.metric)
     entries = [{
         "label": found.labels[n], "mean": _number(sign * found.means[n]),
         "worse_by": _number(last.difference[n]), "at_least": _number(found.at_least[n]),

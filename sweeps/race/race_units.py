@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from sweeps.analysis.entries import (
-    HIGHER_IS_BETTER,
     Entry,
     averaged_points,
     entries_of,
     entry_axes,
     prior_column,
     setting_index,
+    sign_of,
     values_of,
 )
 from sweeps.analysis.paired import failure_score
@@ -154,7 +154,7 @@ class RaceUnits:
 
     def _values(self, entry: int, body: int, blocks: Sequence[tuple[int, int]]) -> np.ndarray:
         """The scores of an entry on an object, (case, episode); NaN where there is none."""
-        sign = -1.0 if self.metric in HIGHER_IS_BETTER else 1.0
+        sign = sign_of(self.metric)
         given = prior_column(self.metric)
         parts = []
         for first, last in blocks:

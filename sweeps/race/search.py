@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import digits_of, sign_of
 from sweeps.output import note
 from sweeps.race.course import Course, afforded
 from sweeps.race.elimination import Race, Rules
@@ -184,8 +184,8 @@ class SearchCourse:
 
 def search_table(course: SearchCourse) -> TextTable:
     """A row for each entry that was proposed, in that order: what `search.csv` holds."""
-    sign = -1.0 if course.metric in HIGHER_IS_BETTER else 1.0
-    digits = 4 if sign < 0 else 3
+    sign = sign_of(course.metric)
+    digits = digits_of(course.metric)
     keys = tuple(factor.key for factor in course.search.factors)
     return TextTable(("round", *keys, course.metric, "n_episodes", "finalist"), tuple(
         (f"{found.round}", *(_text(found.point.get(key)) for key in keys),

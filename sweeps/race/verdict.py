@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of
+from sweeps.analysis.entries import HIGHER_IS_BETTER, bounds_of, digits_of, sign_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.text_table import TextTable, number_text
@@ -121,12 +121,12 @@ def summary(found: Verdict) -> dict[str, str]:
     """The lines that a race prints, by what they tell."""
     last, taken = found.last, int(found.episodes.sum())
     tied, worse = int(last.tied.sum()) - 1, int(last.out.sum())
-    sign = -1.0 if found.metric in HIGHER_IS_BETTER else 1.0
+    sign = sign_of(found.metric)
     times = found.equal / taken
     return {
         "best": found.labels[last.leader],
         "claim": claim(found),
-        found.metric: number_text(sign * found.means[last.leader], 4 if sign < 0 else 3),
+        found.metric: number_text(sign * found.means[last.leader], digits_of(found.metric)),
         "tied": f"{tied:,} not known to be worse, {worse:,} worse",
         "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rung{'s' * (last.number > 1)}",
@@ -144,8 +144,8 @@ def verdict_name(look: Look, entry: int) -> str:
 def race_table(found: Verdict) -> TextTable:
     """A row for each entry, the winner first: what `race.csv` holds."""
     last, metric = found.last, found.metric
-    digits = 4 if metric in HIGHER_IS_BETTER else 3
-    sign = -1.0 if metric in HIGHER_IS_BETTER else 1.0
+    digits = digits_of(metric)
+    sign = sign_of(metric)
     rows = tuple((
         str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
         number_text(float(last.difference[n]), digits),

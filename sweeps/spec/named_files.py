@@ -131,9 +131,9 @@ def names_of(copies: Mapping[Path, str], base_dir: Path) -> dict[str, str]:
     return names
 
 
-def read_reconstruct(value: str, base_dir: Path, problems: Problems,
-                     path: KeyPath = ("fit", "reconstruct")) -> str:
+def read_reconstruct(value: str, base_dir: Path, problems: Problems) -> str:
     """The word, or `file.py:function` with its file made absolute; what is wrong is noted."""
+    path = "fit", "reconstruct"
     if value in WORDS:
         return value
     file = plug_in_file(value)

@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 from sweeps.analysis.curves import Steps
-from sweeps.analysis.entries import HIGHER_IS_BETTER
+from sweeps.analysis.entries import sign_of
 from sweeps.race.race_note import race_state
 from sweeps.race.race_units import RaceUnits
 from sweeps.race.verdict import amount
@@ -93,7 +93,7 @@ class RaceView:
     def _row(self, entry: Mapping[str, Any], first: Mapping[str, Any], found: Mapping[str, Any]
              ) -> Row:
         mean, at_least = entry["mean"], entry["at_least"]
-        turned = -1.0 if found["metric"] in HIGHER_IS_BETTER else 1.0
+        turned = sign_of(found["metric"])
         bound = None if at_least is None else first["mean"] + turned * at_least
         low, high = (bound, mean) if turned > 0 else (mean, bound)
         return Row(entry["label"], mean, low, high, entry["worse_by"], entry["verdict"],

@@ -9,12 +9,12 @@ import numpy as np
 
 from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import (
-    HIGHER_IS_BETTER,
     averaged_points,
     bounds_of,
     entries_of,
     entry_axes,
     setting_index,
+    sign_of,
 )
 from sweeps.analysis.paired import failure_score
 from sweeps.run.plan import Plan, Unit, cell_hash
@@ -185,7 +185,7 @@ class SweepView:
                    if body in worst} for of_objects in self.found]
         means = {n: mean_over_objects([part.values for part in of.values()])
                  for n, of in enumerate(scores) if of}
-        sign = -1.0 if self.metric in HIGHER_IS_BETTER else 1.0
+        sign = sign_of(self.metric)
         order = sorted(means, key=lambda n: (-len(scores[n]), sign * means[n].value, n))
         return [self._row(n, order[0], scores, means[n], sign) for n in order]
 

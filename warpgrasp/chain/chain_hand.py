@@ -140,18 +140,6 @@ def tip_places(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
                      for f, finger in enumerate(hand.model.fingers)], -2)
 
 
-def finger_lines(hand: ChainHand, q_rad: np.ndarray) -> np.ndarray:
-    """Joints and tips of all fingers in the hand's frame [m], (finger, place, 3), of their drives
-    (finger, width). A finger with fewer joints than others repeats its first."""
-    found = np.zeros((hand.fingers, hand.links + 1, 3))
-    tips = tip_places(hand, q_rad)
-    for f in range(hand.fingers):
-        joints = link_frames_of(hand, f, q_rad[f])[:, :3, 3]
-        found[f] = np.concatenate([np.tile(joints[0], (hand.links - len(joints), 1)), joints,
-                                   tips[f:f + 1]])
-    return found
-
-
 def capsule_ends(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarray:
     """Both ends of a finger's capsules in the hand's frame [m], (..., capsule, 2, 3), of its drives
     (..., width)."""

@@ -104,8 +104,7 @@ def _flattest(hand: ChainHand) -> np.ndarray:
     return found
 
 
-def _path(hand: ChainHand, finger: int, start: np.ndarray, end: np.ndarray, count: int
-          ) -> np.ndarray:
+def _path(finger: int, start: np.ndarray, end: np.ndarray, count: int) -> np.ndarray:
     """A finger's drives from one posture to another, evenly, (count, width)."""
     return start[finger] + np.linspace(0.0, 1.0, count)[:, None] * (end[finger] - start[finger])
 
@@ -136,7 +135,7 @@ def _pair(hand: ChainHand, fingers: tuple[int, int], start: np.ndarray, end: np.
     for f, tip in zip(fingers, tips, strict=True):
         steps = 1 + ceil(np.linalg.norm(np.diff(tip, axis=0), axis=1).sum() / _STEP_M)
         rows = np.repeat(start[:, None], steps, axis=1)
-        rows[f] = _path(hand, f, start, end, steps)
+        rows[f] = _path(f, start, end, steps)
         commands.append(rows)
     places, radii = zip(*hand_places(hand, start), strict=True)
     return OpposedPair(fingers, (commands[0], commands[1]), axes, middle, (balls[0], balls[1]),
@@ -147,7 +146,7 @@ def _pair(hand: ChainHand, fingers: tuple[int, int], start: np.ndarray, end: np.
 def _way(hand: ChainHand, finger: int, start: np.ndarray, end: np.ndarray, pads: PadTable
          ) -> tuple[np.ndarray, np.ndarray, float]:
     """A tip's places as it closes, (sample, 3) [m], the side its open pad lies on, its radius."""
-    tip, axes, ball = pad_axes(hand, finger, _path(hand, finger, start, end, _SAMPLES), pads)
+    tip, axes, ball = pad_axes(hand, finger, _path(finger, start, end, _SAMPLES), pads)
     return tip, axes[0, :, 0], ball
 
 

@@ -73,7 +73,7 @@ def hand_from_urdf(
             raise HandError(f"{file}: hold: joint {name} at {math.degrees(angle):.4g} deg; should "
                             f"be {low:.4g} to {high:.4g}")
     chains = finger_chains(tree, root, tips, held_rad or {})
-    names = _names(tree, chains)
+    names = _names(chains)
     fingers = tuple(_finger(tree, root, name, chain, chains)
                     for name, chain in zip(names, chains.fingers, strict=True))
     model = HandModel(
@@ -167,7 +167,7 @@ def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarr
     return max((frame[:3, 3] for _, frame in frames), key=lambda point: float(point @ point))
 
 
-def _names(tree: UrdfTree, chains: Chains) -> list[str]:
+def _names(chains: Chains) -> list[str]:
     """A finger is called by the word in the names of its joints and links, or numbered."""
     found: list[str] = []
     for number, chain in enumerate(chains.fingers, 1):

@@ -23,7 +23,6 @@ LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
 _FOLDED_RAD, _FOLD_M2 = 1e-3, 1e-6  # slivers of scans fold, too, and are not felt
-_MARGIN_M = 0.016  # all around: skin that touches has its link's axis 8 mm away, inside the grid
 
 
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:

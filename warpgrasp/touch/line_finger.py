@@ -33,7 +33,6 @@ from warpgrasp.mechanism.utah_mit_hand_kernel import (
 from warpgrasp.touch.pad_kernel import Pad, PadLink, pad_link
 
 _PADS = wp.constant(3)
-_NAN = wp.constant(real(float("nan")))
 
 
 @wp.func

@@ -62,18 +62,35 @@ def test_intervals_that_say_nothing_are_unknown_in_every_table(tmp_path: Path) -
             assert row["chamfer_mm"] != "NA"
 
 
-@pytest.mark.parametrize("score", [20.0, 25.0])
-def test_who_is_no_better_than_its_prior_is_not_on_the_front(tmp_path: Path, score: float) -> None:
+@pytest.mark.parametrize(("metric", "prior", "score", "better"), [
+    ("chamfer_mm", 20.0, 20.0, 5.0), ("chamfer_mm", 20.0, 25.0, 5.0),
+    ("iou", 0.4, 0.4, 0.8), ("iou", 0.4, 0.3, 0.8)])
+def test_who_is_no_better_than_its_prior_is_not_on_the_front(
+        tmp_path: Path, metric: str, prior: float, score: float, better: float) -> None:
     """One that fails before its first move takes no time, and no other was cheaper."""
     def rows(unit: Unit) -> Columns:
         dies = unit.cell.strategy.name == "sx"
         return {"status": np.full(8, "strategy_failed" if dies else "ok", object),
-                "chamfer_mm": np.full(8, score if dies else 5.0),
-                "prior_chamfer_mm": np.full(8, 20.0),
+                metric: np.full(8, score if dies else better),
+                f"prior_{metric}": np.full(8, prior),
                 "robot_time_s": np.full(8, 0.0 if dies else 50.0)}
 
     plan, store = written(tmp_path, 2, rows)
-    asked = Asked(plan, [store], "chamfer_mm", None, None)
-    dies, good = table_rows(KINDS["pareto"][0](asked))
-    assert (dies["dominated_by"], dies["p_front"]) == ("given-prior", "0.000")
-    assert (good["dominated_by"], good["p_front"]) == ("", "1.000")
+    asked = Asked(plan, [store], metric, None, None)
+    told = {row["strategy"]: (row["dominated_by"], row["p_front"])
+            for row in table_rows(KINDS["pareto"][0](asked))}
+    assert told == {"sx": ("given-prior", "0.000"), "s": ("", "1.000")}
+
+
+@pytest.mark.parametrize(("metric", "worse", "better"), [
+    ("chamfer_mm", 8.0, 5.0), ("iou", 0.5, 0.8)])
+def test_of_equal_cost_the_better_dominates(tmp_path: Path, metric: str, worse: float,
+                                            better: float) -> None:
+    def rows(unit: Unit) -> Columns:
+        score = worse if unit.cell.strategy.name == "sx" else better
+        return {metric: np.full(8, score), "robot_time_s": np.full(8, 50.0)}
+
+    plan, store = written(tmp_path, 2, rows)
+    told = {row["strategy"]: row["dominated_by"]
+            for row in table_rows(KINDS["pareto"][0](Asked(plan, [store], metric, None, None)))}
+    assert told == {"sx": "s", "s": ""}

@@ -16,7 +16,7 @@ from sweeps.analysis.curves import (
     read_curves,
 )
 from sweeps.analysis.entries import LeaderboardError
-from sweeps.analysis.objects import ALSO, objects_table
+from sweeps.analysis.objects import ALSO, object_rows, objects_table
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import (
     compare_pairs,
@@ -92,6 +92,20 @@ def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
     assert [(p.first, p.second) for p in against] == [("sx", "s"), ("sxx", "s")]
     with pytest.raises(LeaderboardError, match="did you mean sxx"):
         compare_pairs(paired, "chamfer_mm", "sxxx")
+
+
+def test_where_more_is_better_tables_are_mirrored(paired: Paired) -> None:
+    mirrored = Paired(paired.entries, paired.objects, paired.values | {
+        "iou": tuple(1.0 - v / 100.0 for v in paired.values["chamfer_mm"])}, {
+        "iou": 1.0 - paired.means["chamfer_mm"] / 100.0}, ())
+    for error, share in zip(compare_pairs(paired, "chamfer_mm", "best"),
+                            compare_pairs(mirrored, "iou", "best"), strict=True):
+        assert (share.first, share.second, share.wins) == (error.first, error.second, error.wins)
+        assert share.difference == pytest.approx(-error.difference / 100.0)
+    for error, share in zip(object_rows(paired, "chamfer_mm"), object_rows(mirrored, "iou"),
+                            strict=True):
+        assert [share.median, share.p90] == pytest.approx(
+            [1.0 - error.median / 100.0, 1.0 - error.p90 / 100.0])
 
 
 def test_an_identical_copy_is_never_told_apart(paired: Paired) -> None:

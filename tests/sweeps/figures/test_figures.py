@@ -219,6 +219,7 @@ def test_intervals_keep_to_the_scores_range() -> None:
     assert (found.error.high <= 1.0).all()
     assert np.isnan([found.cost.low, found.cost.high]).all()  # beyond a hundred times the mean
     drawn = draw_forest(paired, "iou")
+    assert [tick.get_text() for tick in drawn.axes[0].get_yticklabels()] == ["b", "a"]
     bars = [c for c in drawn.axes[0].collections if isinstance(c, LineCollection)]
     ends = [x for bar in bars for line in bar.get_segments() for x, _ in line]
     assert 0.0 <= min(ends) < 0.1

@@ -204,9 +204,11 @@ def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     spec = write_spec(tmp_path, SPEC)
     assert race(spec, tmp_path / "out", "--cap", "20", within="5") == 0
     assert "95 %, scores cut at 20 mm" in capsys.readouterr().out
-    assert race(spec, tmp_path / "iou", "--metric", "iou", within="0.05") == 0
-    assert "within 0.05 of the best" in capsys.readouterr().out
-    assert 0 < float(rows(tmp_path / "iou")[0]["iou"]) < 1
+    assert race(spec, tmp_path / "iou", "--json", "--metric", "iou", within="0.05") == 0
+    told, first = json.loads(capsys.readouterr().out), rows(tmp_path / "iou")[0]
+    assert told["claim"].startswith("within 0.05 of the best of ")
+    assert 0 < float(first["iou"]) < 1
+    assert told["iou"] == first["iou"]
 
 
 def test_right_and_wrong_answers_have_safe_bounds(tmp_path: Path,

@@ -86,6 +86,15 @@ def test_a_search_from_the_spec_to_the_claim(whole: tuple[Path, str]) -> None:
         row["strategy"] for row in race)
 
 
+def test_finalists_have_the_most_where_more_is_better(tmp_path: Path) -> None:
+    assert search(write_spec(tmp_path, SPEC), tmp_path / "out", "--metric", "iou",
+                  within="0.05") == 0
+    found = rows(tmp_path / "out/search.csv")
+    finalists = [float(row["iou"]) for row in found if row["finalist"] == "yes"]
+    assert sorted(finalists) == sorted(float(row["iou"]) for row in found)[-4:]
+    assert min(finalists) > 0.0
+
+
 def test_the_last_race_has_seeds_of_its_own(whole: tuple[Path, str]) -> None:
     out = whole[0]
     seeds: dict[int, int] = {}

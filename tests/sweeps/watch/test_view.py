@@ -43,20 +43,21 @@ def snapshot(folder: Path) -> dict[str, tuple[int, bytes]]:
             for file in sorted(folder.rglob("*")) if file.is_file()}
 
 
-def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path) -> None:
+@pytest.mark.parametrize("metric", ["chamfer_mm", "iou"])
+def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path, metric: str) -> None:
     plan = plan_of(tmp_path / "spec", SPEC)
     store = fill(tmp_path / "out", plan)
-    state = View(tmp_path / "out", "chamfer_mm").state()
+    state = View(tmp_path / "out", metric).state()
     board = [dict(zip(made.header, row, strict=True))
-             for made in [make_leaderboard(plan, [store])] for row in made.rows]
+             for made in [make_leaderboard(plan, [store], metric)] for row in made.rows]
     ranked = [row for row in board if row["rank"] != "NA"]
     assert [row.label for row in state.rows] == [row["strategy"] for row in ranked]
     for mine, theirs in zip(state.rows, ranked, strict=True):
-        assert mine.mean == pytest.approx(float(theirs["chamfer_mm"]), abs=6e-4)
+        assert mine.mean == pytest.approx(float(theirs[metric]), abs=6e-4)
         assert mine.touches == pytest.approx(float(theirs["touches"]), abs=0.06)
-        assert mine.episodes == int(theirs["n_episodes"]) * 3 or mine.episodes == 390
+        assert mine.episodes == int(theirs["n_episodes"]) == 390
         assert mine.low is not None
-        assert mine.low <= float(theirs["chamfer_mm_these_low"])  # valid at every look: wider
+        assert mine.low <= float(theirs[f"{metric}_these_low"])  # valid at every look: wider
     assert [row.verdict for row in state.rows] == ["best", "", "worse", "worse"]
     assert state.done == 1.0
     failed = sum((run_units(run_episodes, [unit], "cpu")[0]["status"] != "ok").sum()
@@ -205,6 +206,22 @@ def test_episodes_that_were_fitted_once_have_no_curve() -> None:
     once = (np.array([30.0]), np.array([4.0]))
     assert mean_errors([{"block": [once, once]}, {}]) == [[], []]
     assert mean_errors([]) == []
+
+
+def test_a_race_of_what_is_to_be_more_is_its_csv(tmp_path: Path,
+                                                 monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
+    out = tmp_path / "out"
+    assert cli.run(["race", str(write_spec(tmp_path, SPEC)), "-o", str(out), "--within", "0.05",
+                    "--metric", "iou"]) == 0
+    first, *others = View(out, "iou").state().rows
+    best, *rows = csv.DictReader((out / "race.csv").read_text().splitlines())
+    assert first.mean == pytest.approx(float(best["iou"]), abs=6e-5)
+    assert rows
+    for mine, theirs in zip(others, rows, strict=True):
+        assert mine.mean == mine.low == pytest.approx(float(theirs["iou"]), abs=6e-5)
+        assert mine.high == pytest.approx(
+            first.mean - float(theirs["worse_by_at_least"]), abs=2e-4)
 
 
 def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
