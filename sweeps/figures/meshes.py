@@ -27,7 +27,8 @@ MOST_VERTICES = 2**16
 
 def true_mesh(body: Body, cells: int) -> tuple[np.ndarray, np.ndarray]:
     """A true body to be looked at: `body_mesh` with so many cells, or with more where its walls
-    would be lost: vertices (vertex, 3) [m] and quadrilaterals (face, 4)."""
+    would be lost; the body's box where it is too thin for any. Vertices (vertex, 3) [m] and
+    quadrilaterals (face, 4)."""
     return _true_mesh(keyed_body(body), cells)
 
 
@@ -41,7 +42,14 @@ def _true_mesh(keyed: KeyedBody, cells: int) -> tuple[np.ndarray, np.ndarray]:
         if len(finer[0]) > MOST_VERTICES:
             break
         made = finer
-    return made
+    return made if len(made[1]) else _box(keyed.body)
+
+
+def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and outward faces of the box that holds a body."""
+    corner = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
+    return np.where(corner, body.high_m, body.low_m), np.array(
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
 
 
 def _volume_m3(vertices: np.ndarray, faces: np.ndarray) -> float:

@@ -53,14 +53,14 @@ def test_a_revolution_is_drawn_where_it_stands_for_the_body() -> None:
     assert volume(grid) > 0
 
 
-@pytest.mark.parametrize("cells", [12, 24, 48])
-def test_a_true_body_keeps_its_thin_walls(cells: int) -> None:
+@pytest.mark.parametrize(("length_mm", "cells"), [(80, 12), (80, 24), (80, 48), (300, 24)])
+def test_a_true_body_keeps_its_thin_walls(length_mm: float, cells: int) -> None:
     plate = body_from_table({"name": "plate", "compound": [
-        {"shape": "block", "size_mm": [80, 60, 1.5]}]}, Path())
+        {"shape": "block", "size_mm": [length_mm, 60, 1.5]}]}, Path())
     vertices, faces = true_mesh(plate, cells)
     mesh = trimesh.Trimesh(vertices, faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), process=False)
     assert mesh.is_watertight
-    assert mesh.volume == pytest.approx(0.08 * 0.06 * 0.0015, rel=0.1)
+    assert mesh.volume == pytest.approx(1e-9 * length_mm * 60 * 1.5, rel=0.1)
 
 
 def test_a_true_body_without_thin_walls_is_as_coarse_as_asked() -> None:
