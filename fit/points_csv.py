@@ -148,7 +148,8 @@ def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
     """Raises PointsError for a set that is too large to have been touched by a hand, or where all
     are too small; a set of one place is neither."""
     low, high = sets.bounds_m()
-    extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
+    with np.errstate(over="ignore"):  # squares beyond all numbers make it inf, which is too large
+        extent = np.linalg.norm(np.maximum(high - low, 0.0), axis=1)
     if (extent > LARGEST_M).any():
         n = int(extent.argmax())
         raise PointsError([

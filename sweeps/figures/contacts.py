@@ -54,8 +54,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     """What the figure of one world of a block shows."""
     from strategies.recovery.choose_model import Shape
     from strategies.recovery.contact_verdict import ACCEPTED
-    from sweeps.figures.meshes import mesh_of_world, recovered_faces
-    from warpgrasp.geometry.meshing import body_mesh
+    from sweeps.figures.meshes import mesh_of_world, recovered_faces, true_mesh
 
     pose = block.truth.body_pose[world]
     free_form = mesh_of_world(block, world) is not None
@@ -66,7 +65,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     near |= prior  # nothing was recovered that contacts could contradict
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    vertices, sides = body_mesh(block.body, 48)
+    vertices, sides = true_mesh(block.body, 48)
     return ContactsShown(
         name, "given prior" if prior else "recovered surface" if free_form
         else "recovered body", prior, 1e3 * (recovered_faces(block, world) - pose[:3]),

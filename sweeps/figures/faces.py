@@ -61,8 +61,8 @@ def faces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> FacesShown:
     from scipy.spatial.transform import Rotation
 
     from strategies.procedures.planar_record import PlanarExploration
+    from sweeps.figures.meshes import true_mesh
     from sweeps.spec.errors import StoreError
-    from warpgrasp.geometry.meshing import body_mesh
 
     known = crossed_faces(block, world)
     if not known:
@@ -81,7 +81,7 @@ def faces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> FacesShown:
         shown.append(FaceShown(
             1e3 * corner, face.normal[world], 1e3 * (table.point_m[mine] - origin),
             table.part[mine], float(1e3 * face.fit.rms_m[world]), bool(face.flat[world])))
-    vertices, sides = body_mesh(block.body, TRUE_CELLS)
+    vertices, sides = true_mesh(block.body, TRUE_CELLS)
     true = 1e3 * Rotation.from_quat(block.truth.body_pose[world, 3:]).apply(vertices)
     return FacesShown(name, tuple(shown), true[sides])
 

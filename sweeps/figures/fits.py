@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from fit.arrays import is_valid
 from fit.fit_status import FitStatus, status_names
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
@@ -34,8 +35,8 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
     """The first sets of a batch, each in a panel of its own, as a png, svg or pdf file.
 
     `fits` is the `SuperquadricFit`, `PlaneFit` or `RevolutionFit` of `sets`. Touches behind a body
-    are left out; a set without a fit is shown as its touches alone. The same fits give the same
-    bytes.
+    are left out, and so are those that no fit can use (`FitStatus.bad_points`); a set without a
+    fit is shown as its touches alone. The same fits give the same bytes.
     """
     shown = min(len(sets.names), MOST_SETS)
     columns = min(shown, 4)
@@ -45,7 +46,7 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
     for row, (name, status) in enumerate(zip(sets.names, words, strict=False)):
         axes = drawn.add_subplot(rows, columns, row + 1, projection="3d")
         points = sets.touches_m[sets.slots(row)]
-        points = 1e3 * points[np.isfinite(points).all(axis=1)]
+        points = 1e3 * points[is_valid(points).all(axis=1)]
         usable = status in (FitStatus.converged.name, FitStatus.not_converged.name)
         _draw(axes, points, 1e3 * _faces(fits, row) if usable else np.zeros((0, 4, 3)))
         words_of = [cut(name, 20) + ":"] + ([f"{fits.rms_m[row] * 1e3:.2f} mm rms"] if usable

@@ -1,5 +1,7 @@
-"""The surface of a recovered body as a grid of points and as quadrilaterals, for drawing."""
+"""Surfaces for drawing: a recovered body as a grid of points and as quadrilaterals, a true one as a
+mesh."""
 
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -8,9 +10,52 @@ from fit.implicit.record import TriangleMesh
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import Superquadric, from_straight_frame
 from strategies.recovery.choose_model import Recovered, Shape
+from warpgrasp.geometry.body import Body
+from warpgrasp.geometry.body_sampling import KeyedBody, keyed_body, sample_body
+from warpgrasp.geometry.meshing import body_mesh
 
 if TYPE_CHECKING:
     from sweeps.episode.episodes import EpisodeBlock
+
+LEAST_HELD = 0.9
+"""Of a body's volume: a coarse mesh that holds less has lost walls."""
+FINEST_CELLS = 96
+"""As fine as the grids that thin walls are baked to."""
+MOST_VERTICES = 2**16
+"""Pages number vertices with 16 bits."""
+
+
+def true_mesh(body: Body, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """A true body to be looked at: `body_mesh` with so many cells, or with more where its walls
+    would be lost; the body's box where it is too thin for any. Vertices (vertex, 3) [m] and
+    quadrilaterals (face, 4)."""
+    return _true_mesh(keyed_body(body), cells)
+
+
+@lru_cache(maxsize=16)
+def _true_mesh(keyed: KeyedBody, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    made = body_mesh(keyed.body, cells)
+    wanted = LEAST_HELD * sample_body(keyed.body).volume_m3
+    while _volume_m3(*made) < wanted and cells < FINEST_CELLS:
+        cells = min(2 * cells, FINEST_CELLS)
+        finer = body_mesh(keyed.body, cells)
+        if len(finer[0]) > MOST_VERTICES:
+            break
+        made = finer
+    return made if len(made[1]) else _box(keyed.body)
+
+
+def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and outward faces of the box that holds a body."""
+    corner = np.stack(np.meshgrid([0, 1], [0, 1], [0, 1], indexing="ij"), -1).reshape(8, 3)
+    return np.where(corner, body.high_m, body.low_m), np.array(
+        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
+
+
+def _volume_m3(vertices: np.ndarray, faces: np.ndarray) -> float:
+    """What closed quadrilaterals hold: the sum of tetrahedra from the origin."""
+    a, b, c, d = np.moveaxis(vertices[faces], 1, 0)
+    return float((a * (np.cross(b, c) + np.cross(c, d))).sum()) / 6.0
 
 
 def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.ndarray:

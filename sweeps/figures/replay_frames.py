@@ -23,12 +23,11 @@ from strategies.recovery.evidence import evidence_from_grasps, slots_of_touches
 from strategies.recovery.fit_contacts import recover_bodies
 from strategies.recovery.plausibility import FEWEST_CONTACTS
 from sweeps.episode.episodes import EpisodeBlock, run_block
-from sweeps.figures.meshes import recovered_grid, surface_grid
+from sweeps.figures.meshes import recovered_grid, surface_grid, true_mesh
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from warpgrasp.arms.serial_arm import nearest_joints, serial_places
 from warpgrasp.chain.chain_hand import chain_of_table, closing_way
-from warpgrasp.geometry.meshing import body_mesh
 from warpgrasp.hand_capsules import capsules_of_hand
 from warpgrasp.mechanism.arm import arm_home, floating_joints, is_floating, serial_model
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
@@ -102,7 +101,7 @@ class Replay:
 def make_replay(cell: Cell, block: EpisodeBlock, world: int = 0) -> Replay:
     """The replay of one world of a block. Raises StoreError where the robot did not move."""
     pose = block.truth.body_pose[world]
-    vertices, faces = body_mesh(block.body, 24)
+    vertices, faces = true_mesh(block.body, 24)
     made = _Recording(cell, block, world)
     frames = tuple(made.frames())
     if not frames:

@@ -6,11 +6,10 @@ import numpy as np
 
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
-from sweeps.figures.meshes import quadrilaterals, recovered_grid
+from sweeps.figures.meshes import quadrilaterals, recovered_grid, true_mesh
 from sweeps.figures.solids import CONTACT, TRUE, direction, draw_solid, set_cube
 from sweeps.figures.style import drawing, figure
 from warpgrasp.geometry.body import Body
-from warpgrasp.geometry.meshing import body_mesh
 
 ELEVATION_DEG, AZIMUTH_DEG = 22.0, -55.0
 _SIDE_IN = 2.4
@@ -25,7 +24,7 @@ def picture(belief: Belief, recovered: Recovered, body: Body, body_pose: np.ndar
     pose = body_pose[world]
     yaw = 2.0 * np.arctan2(pose[5], pose[6])
     turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    vertices, _ = body_mesh(body, 24)
+    vertices, _ = true_mesh(body, 24)
     true = 1e3 * (vertices @ turn.T)
     faces = 1e3 * (quadrilaterals(recovered_grid(recovered, world)) - pose[:3])
     evidence = belief.evidence

@@ -11,7 +11,13 @@ from scipy.spatial.transform import Rotation
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.rerun_episode import Episode, WorkerDied, cell_of, rerun_all
 from sweeps.episode.episodes import EpisodeBlock
-from sweeps.figures.meshes import coarse_mesh, mesh_of_world, quadrilaterals, recovered_grid
+from sweeps.figures.meshes import (
+    coarse_mesh,
+    mesh_of_world,
+    quadrilaterals,
+    recovered_grid,
+    true_mesh,
+)
 from sweeps.report.surfaces import UNSURE_M, surface_sigma
 from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan
@@ -141,9 +147,7 @@ def _missing(plan: Plan, episode: Episode) -> str:
 
 def body_data(body: Body) -> dict[str, Any]:
     """A true body in its own frame, packed."""
-    from warpgrasp.geometry.meshing import body_mesh
-
-    vertices, faces = body_mesh(body, 24)
+    vertices, faces = true_mesh(body, 24)
     return {"points": _packed(vertices), "faces": _encoded(faces.astype("<u2"))}
 
 

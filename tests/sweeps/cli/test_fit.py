@@ -97,6 +97,18 @@ def test_planes_and_revolutions(tmp_path: Path, points: Path) -> None:
     assert float(nodes[4]["radius_m"]) == pytest.approx(0.03, abs=2e-3)
 
 
+def test_a_touch_that_no_fit_can_use_is_no_hindrance_to_the_figure(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    far = touches(1)
+    far[3] = 1e300
+    csv_path = write(tmp_path / "far.csv", {"a": far})
+    arguments = ["fit", "plane", str(csv_path), "-o", str(tmp_path / "out.csv")]
+    assert cli.run([*arguments, "--units", "m", "--figure", str(tmp_path / "out.svg")]) == 0
+    assert read(tmp_path / "out.csv")[1][0]["status"] == "bad_points"
+    assert cli.run(arguments) == 2
+    assert "the points of set a are inf m across" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("factor", "told"), [
     (1.0, False), (-1.0, True), (1e300, False), (-1e300, True)])
 def test_normals_that_point_into_the_body_are_told(

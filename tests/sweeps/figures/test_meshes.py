@@ -1,10 +1,20 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
+import trimesh
 
 from fit.revolution.geometry import RevolutionBody, revolution_distance, revolution_volume
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_inside_outside
 from strategies.recovery.choose_model import Recovered, Shape
-from sweeps.figures.meshes import quadrilaterals, recovered_grid, square_path, surface_grid
+from sweeps.figures.meshes import (
+    quadrilaterals,
+    recovered_grid,
+    square_path,
+    surface_grid,
+    true_mesh,
+)
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 
 
 def volume(grid: np.ndarray) -> float:
@@ -41,3 +51,17 @@ def test_a_revolution_is_drawn_where_it_stands_for_the_body() -> None:
     assert np.abs(revolution_distance(turned, grid.reshape(1, -1, 3))).max() < 1e-9
     assert abs(volume(grid)) == pytest.approx(float(revolution_volume(turned)[0]), rel=0.01)
     assert volume(grid) > 0
+
+
+@pytest.mark.parametrize(("length_mm", "cells"), [(80, 12), (80, 24), (80, 48), (300, 24)])
+def test_a_true_body_keeps_its_thin_walls(length_mm: float, cells: int) -> None:
+    plate = body_from_table({"name": "plate", "compound": [
+        {"shape": "block", "size_mm": [length_mm, 60, 1.5]}]}, Path())
+    vertices, faces = true_mesh(plate, cells)
+    mesh = trimesh.Trimesh(vertices, faces[:, [[0, 1, 2], [0, 2, 3]]].reshape(-1, 3), process=False)
+    assert mesh.is_watertight
+    assert mesh.volume == pytest.approx(1e-9 * length_mm * 60 * 1.5, rel=0.1)
+
+
+def test_a_true_body_without_thin_walls_is_as_coarse_as_asked() -> None:
+    assert len(true_mesh(body_from_name("block"), 24)[1]) < 2_000
