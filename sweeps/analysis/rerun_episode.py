@@ -11,7 +11,7 @@ import numpy as np
 
 from sweeps.analysis.entries import entries_of, entry_axes, setting_index
 from sweeps.analysis.leaderboard import make_leaderboard
-from sweeps.output import init_warp, quiet_stdout
+from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
 from sweeps.run.plan import Plan
@@ -68,6 +68,7 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
     if len(meant) > 1:
         refuse_races(plan, stores)
         label = next(row[1] for row in make_leaderboard(plan, stores).rows if row[1] in meant)
+        note(f"of {len(meant)} entries the leaderboard's first: {label}")
     points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points
     return Episode(meant[label].strategy, 0 if body is None else bodies.index(body), episode,
                    setting_index(plan, points))

@@ -6,6 +6,7 @@ import json
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from sweeps.analysis.bootstrap import population
@@ -51,8 +52,9 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
             notes = store.open_for(plan, spec_text(spec, settings), device)
         except OtherStudy as error:
             raise OtherStudy(folder, error.lines, (
-                f"choose another directory (`warpgrasp sweep SPEC.toml -o NEW --reuse {folder}` "
-                "takes over the units that are the same), or undo:")) from None
+                "choose another directory (`warpgrasp sweep SPEC.toml -o NEW --reuse "
+                f"{quote(str(folder))}` takes over the units that are the same), or undo:")
+            ) from None
         for line in notes:
             note(line)
         end_race_note(store.logs)

@@ -3,6 +3,7 @@
 import sys
 from json import dumps
 from pathlib import Path
+from shlex import quote
 from typing import Annotated, Literal
 
 from cyclopts import Parameter
@@ -42,7 +43,8 @@ def init(spec: Path, /, *, force: Force = False) -> int:
         write_atomic(spec, spec_template().encode())
     except OSError as error:
         raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
-    print(f"{spec}: written; `warpgrasp check {spec}` shows its size and cost", file=sys.stderr)
+    print(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost",
+          file=sys.stderr)
     return 0
 
 

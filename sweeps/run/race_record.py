@@ -8,6 +8,7 @@ import json
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 import numpy as np
@@ -74,7 +75,7 @@ def refuse_races(plan: Plan, stores: Sequence[Store]) -> None:
         outcome = (", whose outcome is in its race.csv and race.svg: read race.csv"
                    if (folder / "race.csv").exists() else " that has no outcome yet")
         advice = ("" if plan.study.search is not None else
-                  f"; `warpgrasp sweep SPEC.toml -o {folder}` finishes a sweep there")
+                  f"; `warpgrasp sweep SPEC.toml -o {quote(str(folder))}` finishes a sweep there")
         raise StoreError(f"{folder} holds a race{outcome}. Leaderboards, tables, figures, reports "
                          f"and comparisons are of the episodes of a sweep{advice}", 3)
 

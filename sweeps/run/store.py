@@ -9,6 +9,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import chain
 from pathlib import Path
+from shlex import join
 from typing import Any
 
 from sweeps.file_lock import holder_of, same_file, try_lock, turn
@@ -366,8 +367,8 @@ def open_study(folders: Sequence[Path]) -> tuple[Plan, list[Store]]:
         if resolved["hash"] != found[0]["hash"]:
             raise OtherStudy(
                 store.folder, differences(found[0]["study"], resolved["study"]),
-                f"directories named together should hold parts of one study; `warpgrasp compare "
-                f"{folders[0]} {store.folder}` compares two. They differ in:")
+                "directories named together should hold parts of one study; `warpgrasp compare "
+                f"{join((str(folders[0]), str(store.folder)))}` compares two. They differ in:")
     return replace(plan_of(stores[0]), folders=tuple(folders)), stores
 
 

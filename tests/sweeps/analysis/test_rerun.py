@@ -25,14 +25,18 @@ def swept(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Store]:
 
 
 @pytest.mark.parametrize("strategy", [None, "s", "sx"])
-def test_the_best_setting_is_played_again(swept: tuple[Plan, Store], strategy: str | None) -> None:
-    """The stand-ins lose 0.1 mm a newton, so that the best is not the first of the spec."""
+def test_the_best_setting_is_played_again(
+    swept: tuple[Plan, Store], strategy: str | None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The stand-ins lose 0.1 mm a newton, so that the best is not the first of the spec. Which one
+    it is, is said."""
     plan, store = swept
     episode = choose_episode(plan, [store], strategy, None, 3)
     cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
     assert cell.setting[KEY] == 3.0
     assert cell.strategy.name == (strategy or "s")
     assert episode.episode == 3
+    assert f"leaderboard's first: {strategy or 's'} [{KEY}=3, " in capsys.readouterr().err
 
 
 def test_every_entry_of_the_leaderboard_can_be_named(swept: tuple[Plan, Store]) -> None:
