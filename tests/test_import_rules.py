@@ -4,6 +4,7 @@ a folder and a file may hold."""
 import ast
 import importlib
 import re
+import subprocess
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from functools import cache
@@ -106,6 +107,14 @@ def test_folders_and_files_are_small() -> None:
 RECORDS = {"probe_status", "catalogue_names", "strategy", "closing_record", "plane_record",
            "closing_kernels", "chain_closing_kernels"}
 """Files of one small record or list."""
+
+
+def test_only_known_folders_stand_at_the_top() -> None:
+    """What a command wrote into the checkout is no part of it."""
+    tracked = subprocess.run(["git", "ls-files", "-z", "*/*"], cwd=ROOT, check=True,
+                             capture_output=True, text=True).stdout.split("\0")
+    assert {name.split("/")[0] for name in tracked if name} == {
+        *FLOORS, "tests", "docs", "examples", ".ci"}
 
 
 def test_no_name_of_a_file_stands_for_two_things() -> None:
