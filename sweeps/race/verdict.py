@@ -120,14 +120,16 @@ def claim(found: Verdict) -> str:
 def summary(found: Verdict) -> dict[str, str]:
     """The lines that a race prints, by what they tell."""
     last, taken = found.last, int(found.episodes.sum())
-    tied, worse = int(last.tied.sum()) - 1, int(last.out.sum())
+    names = [verdict_name(last, entry) for entry in range(len(found.labels))]
+    tied, worse, left = (names.count(name) for name in ("tied", "worse", "open"))
     sign = sign_of(found.metric)
     times = found.equal / taken
     return {
         "best": found.labels[last.leader],
         "claim": claim(found),
         found.metric: number_text(sign * found.means[last.leader], digits_of(found.metric)),
-        "tied": f"{tied:,} not known to be worse, {worse:,} worse",
+        "tied": (f"{tied:,} not known to be worse, {worse:,} worse"
+                 + (f", {left:,} open" if left else "")),
         "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rung{'s' * (last.number > 1)}",
         "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; computed)",

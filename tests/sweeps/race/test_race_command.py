@@ -170,6 +170,10 @@ def test_a_budget_ends_a_race_and_more_of_it_goes_on(tmp_path: Path, whole: tupl
     assert "the budget of episodes ended before the best was known within 0.3 mm" in printed.err
     assert "within 0.3 mm" not in printed.out
     assert sum(int(row["n_episodes"]) for row in rows(tmp_path / "out")) <= 200
+    tied, worse, left = ([row["verdict"] for row in rows(tmp_path / "out")].count(name)
+                         for name in ("tied", "worse", "open"))
+    assert left > 0
+    assert f"{tied} not known to be worse, {worse} worse, {left} open" in printed.out
     before = {f.name for f in (tmp_path / "out" / "units").iterdir()}
     assert race(spec, tmp_path / "out") == 0
     assert before < {f.name for f in (tmp_path / "out" / "units").iterdir()}
