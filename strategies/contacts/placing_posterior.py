@@ -10,7 +10,6 @@ agrees: its surface is one link radius from the axis there, its normal is the di
 capsule beside it is nearer to the body.
 """
 
-import math
 from typing import Any
 
 import warp as wp
@@ -72,8 +71,7 @@ _TINY = wp.constant(real(1e-300))
 _LEVEL = wp.constant(real(LEVEL))
 _FLAT = wp.constant(real(1e-9))
 _LEAST_SLOPE = wp.constant(real(1e-3))
-UNLIKELY = wp.constant(real(1e-3))
-_UNLIKELIER = wp.constant(real(math.log(1e-3)))  # than the likeliest capsule of a joint
+UNLIKELY = wp.constant(real(1e-3))  # of a link, and of a capsule beside the likeliest: left out
 _BESIDE = wp.constant(real(2e-3))  # [m] how well a body tells which of two capsules is nearer [est]
 
 
@@ -272,6 +270,7 @@ class Placed:
 
     point: vec3
     covariance: mat33
+    """About `point` [m2], on whichever capsule of its link the contact may be."""
     normal: vec3
     chance: real
     """Probability of the link that bears it; 0 where none can."""
@@ -349,13 +348,14 @@ def placed_contact(
     out.chance = alike / others
     out.misfit = best.misfit
     for link in range(links_of(hand)):
-        beside = link != best_link and joint_of(hand, link) == joint_of(hand, best_link)
-        if beside and logs[link] - most > _UNLIKELIER:
-            # It may as well be where it would be on this capsule.
-            post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
-                                  radius_of(hand, link), lean, felt, root, believed, tried,
-                                  place_sigma, farthest)
-            off = (post.axis / post.weight - out.point
-                   + wp.normalize(post.outward) * radius_of(hand, link))
-            out.covariance += wp.outer(off, off) * (wp.exp(logs[link] - most) / alike)
+        if link != best_link and joint_of(hand, link) == joint_of(hand, best_link):
+            share = wp.exp(wp.max(logs[link] - most, -NEGLIGIBLE))
+            if share > UNLIKELY:
+                # It may as well be where it would be on this capsule.
+                post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
+                                      radius_of(hand, link), lean, felt, root, believed, tried,
+                                      place_sigma, farthest)
+                off = (post.axis / post.weight - out.point
+                       + wp.normalize(post.outward) * radius_of(hand, link))
+                out.covariance += wp.outer(off, off) * (share / alike)
     return out

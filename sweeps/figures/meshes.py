@@ -53,9 +53,8 @@ def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _volume_m3(vertices: np.ndarray, faces: np.ndarray) -> float:
-    """What closed quadrilaterals hold: the sum of tetrahedra from the origin."""
-    a, b, c, d = np.moveaxis(vertices[faces], 1, 0)
-    return float((a * (np.cross(b, c) + np.cross(c, d))).sum()) / 6.0
+    """What closed quadrilaterals hold."""
+    return TriangleMesh(vertices, faces[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)).volume_m3
 
 
 def recovered_grid(recovered: Recovered, world: int = 0, rows: int = 48) -> np.ndarray:
