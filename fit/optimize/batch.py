@@ -22,7 +22,7 @@ from fit.optimize.pieces import SLOTS, Span, in_slots, pieces_of
 from fit.optimize.program_cache import cpu_device, load_or_compile
 from fit.optimize.xla_flags import set_xla_flags
 
-POINT_BUCKETS = (32, 64, 128, 256, 512)
+POINT_BUCKETS = (32, 64, 96, 128, 256, 512)
 GROUP = 16
 """Lanes computed side by side; another number would change rounding in the last bit."""
 LANES = 16 * GROUP
