@@ -5,8 +5,8 @@ from itertools import combinations, pairwise
 import numpy as np
 from jaxtyping import Float
 
-from fit.array_checks import checked_array
 from fit.implicit.record import TriangleMesh
+from fit.option_checks import checked_array
 
 PARALLEL = 1e-3
 """Three planes meet in no point where the determinant of their unit normals is below this."""

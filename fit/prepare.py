@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.array_checks import checked_array, spread_array
 from fit.arrays import is_valid
 from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus
 from fit.optimize.batch import point_bucket
+from fit.option_checks import checked_array, spread_array
 
 MIN_SOLID_POINTS = 8
 """Minimum number of points for a solid."""

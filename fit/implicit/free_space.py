@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.array_checks import checked_array, spread_array
 from fit.implicit.process import ProcessData
 from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
+from fit.option_checks import checked_array, spread_array
 from fit.prepare import Sets
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from fit.array_checks import checked_array
 from fit.fit_status import FitStatus
 from fit.implicit.process import ProcessData
 from fit.implicit.record import ImplicitOptions, Mean
+from fit.option_checks import checked_array
 from fit.prepare import Sets
 
 ROW_BUCKETS = (32, 64, 96, 128, 192, 256, 384, 512, 704)

@@ -7,10 +7,10 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from fit.array_checks import checked_array
 from fit.implicit.process import predict, predict_with_slope, slope
 from fit.implicit.record import ImplicitFit, Mean
 from fit.optimize.batch import Program, map_lanes
+from fit.option_checks import checked_array
 
 CHUNK = 512
 """Queries of a lane."""

@@ -14,13 +14,12 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
-from fit.array_checks import checked_array
 from fit.arrays import is_valid
 from fit.fit_status import FitStatus
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
-from fit.option_checks import MOST_WEIGHT, options_of
+from fit.option_checks import MOST_WEIGHT, checked_array, options_of
 from fit.prepare import Sets, prepare
 from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
 from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
@@ -78,7 +77,7 @@ def _known(middle: Middle | None, n: int) -> tuple[Middle, Bool[np.ndarray, " fi
     point = checked_array("middle.point_m", middle.point_m, (n, 3))
     std = checked_array("middle.std_m", middle.std_m, (n,))
     told = std < np.inf
-    sound = is_valid(point).all(axis=1)
+    sound = np.all(is_valid(point), axis=1)
     none = np.isnan(std) | (std < 0.0) | (told & ~sound)
     return Middle(np.where(sound[:, None], point, 0.0),
                   np.where(none, np.inf, np.maximum(std, LEAST_MIDDLE_STD_M))), none

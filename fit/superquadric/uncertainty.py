@@ -11,8 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from fit.array_checks import checked_array
 from fit.arrays import is_valid, row_medians, row_products, row_sums
+from fit.option_checks import checked_array
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,

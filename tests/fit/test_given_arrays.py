@@ -6,10 +6,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fit.array_checks import checked_array
 from fit.fit_status import FitStatus
 from fit.implicit.fit import fit_implicit
 from fit.implicit.query import implicit_distance, implicit_values
+from fit.option_checks import checked_array
 from fit.plane import fit_plane
 from fit.revolution.fit import fit_revolution
 from fit.superquadric.fit import fit_superquadric
