@@ -79,7 +79,9 @@ def _of_arrays(change: Callable[..., np.ndarray], record: Any, *others: Any) -> 
 
 
 def row_medians(values: Float[np.ndarray, "row value"]) -> Float[np.ndarray, " row"]:
-    """Median of each row, ignoring NaN; NaN for a row of NaN only."""
+    """Median of each row, ignoring NaN; NaN for a row without a number."""
+    if values.shape[1] == 0:
+        return np.full(len(values), np.nan)
     ordered = np.sort(values, axis=1)
     count = values.shape[1] - np.isnan(ordered).sum(axis=1)
     row, low, high = np.arange(len(values)), (count - 1) // 2, count // 2

@@ -133,6 +133,8 @@ def interpret(
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
         raise ValueError(f"touches: points {points.shape}, normals {normals.shape}, "
                          "should both be (touch, 3)")
+    if not model.faces:
+        return []
     branches = np.zeros((1, 0), int)
     compatible = _compatible(points, normals, model, angle_rad, distance_m)
     for touch in range(len(points)):
@@ -213,9 +215,10 @@ def _verified(
 def model_of_planes(
     name: str, normals: Float[np.ndarray, "plane 3"], offset_m: Float[np.ndarray, " plane"]
 ) -> FaceModel:
-    """The body n.x <= offset [m]; planes that bound none of it are left out.
+    """The body n.x <= offset [m]; planes that bound none of it are left out. Without faces where
+    they leave no body.
 
-    Raises ValueError for planes that do not close a body.
+    Raises ValueError as `polyhedron_faces` does.
     """
     faces = polyhedron_faces(normals, offset_m)
     return FaceModel(name, tuple(corners for corners in faces if len(corners)))

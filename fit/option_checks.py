@@ -1,8 +1,10 @@
-"""Checks of the options of fits; a ValueError names the option, its value and what is right."""
+"""Checks of the options and arrays of fits; a ValueError names what is wrong and what is right."""
 
 from math import inf, nan
 from numbers import Integral, Real
 from typing import Any, TypeVar
+
+import numpy as np
 
 Options = TypeVar("Options")
 MOST_WEIGHT = 1e4
@@ -39,3 +41,38 @@ def check_numbers(options: Any, *names: str, low: float = 0.0, high: float = inf
             first = f"above {low:g}" if above else f"{low:g} or more"
             last = f", {high:g} at most" if high < inf else ""
             raise ValueError(f"{name}: {value!r}, should be a finite number, {first}{last}")
+
+
+def checked_array(name: str, value, shape: tuple[int | None, ...], dtype=float) -> np.ndarray:
+    """`value` as an array of a shape, None for any length. Raises ValueError for another shape, and
+    for what are no plain real numbers."""
+    value = _plain(name, value, dtype)
+    fits = value.ndim == len(shape) and all(
+        want is None or have == want for have, want in zip(value.shape, shape, strict=True))
+    if not fits:
+        wanted = ", ".join("any" if want is None else str(want) for want in shape)
+        raise ValueError(f"{name}: shape {value.shape}, should be ({wanted})")
+    return value
+
+
+def spread_array(name: str, value, shape: tuple[int, ...]) -> np.ndarray:
+    """One number for all, or an array that spreads to `shape`. Raises ValueError otherwise."""
+    value = _plain(name, value, float)
+    try:
+        return np.broadcast_to(value, shape)
+    except ValueError:
+        raise ValueError(f"{name}: shape {value.shape}, should be one number or "
+                         f"({', '.join(map(str, shape))})") from None
+
+
+def _plain(name: str, value, dtype) -> np.ndarray:
+    if np.ma.is_masked(value):
+        raise ValueError(f"{name}: has masked values, should be a plain array; say by `mask` which "
+                         "touches count")
+    try:
+        given = np.asarray(value)
+        if not np.iscomplexobj(given):
+            return np.asarray(given, dtype)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{name}: is no array of numbers ({error})") from None
+    raise ValueError(f"{name}: has complex numbers, should have real ones")

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fit.implicit.record import TriangleMesh
+from fit.option_checks import checked_array
 
 PARALLEL = 1e-3
 """Three planes meet in no point where the determinant of their unit normals is below this."""
@@ -21,12 +22,14 @@ def polyhedron_faces(
     """Corners [m] of each face of the body n.x <= offset, counter-clockwise seen from outside.
 
     A face without area has no corners. `normals` are unit vectors. Raises ValueError for arrays of
-    the wrong shape, and for planes that do not close a body.
+    the wrong shape or with numbers that are not finite, and for planes that do not close a body.
     """
     normals, offset_m = np.asarray(normals, float), np.asarray(offset_m, float)
     if normals.ndim != 2 or normals.shape[1] != 3 or offset_m.shape != normals.shape[:1]:
         raise ValueError(f"planes: normals {normals.shape}, offsets {offset_m.shape}, should be "
                          "(face, 3) and (face,)")
+    if not (np.isfinite(normals).all() and np.isfinite(offset_m).all()):
+        raise ValueError("planes: a normal or an offset is not finite; leave that plane out")
     if not _closed(normals):
         raise ValueError("planes: they close no body; some direction meets none of them")
     three = np.array(list(combinations(range(len(normals)), 3)))
@@ -42,7 +45,7 @@ def _closed(normals: np.ndarray) -> bool:
 
     If there were such a direction, there would be one along the line where two planes meet.
     """
-    one, other = np.array(list(combinations(range(len(normals)), 2))).reshape(-1, 2).T
+    one, other = np.array(list(combinations(range(len(normals)), 2)), int).reshape(-1, 2).T
     ways = np.cross(normals[one], normals[other])
     size = np.linalg.norm(ways, axis=1)
     ways = ways[size > PARALLEL] / size[size > PARALLEL, None]
@@ -104,13 +107,15 @@ def polyhedron_distance(
     point or on an edge of one. Infinite where the planes leave no volume. Raises ValueError as
     `polyhedron_faces` does.
     """
+    normals, offset_m = np.asarray(normals, float), np.asarray(offset_m, float)
+    faces = polyhedron_faces(normals, offset_m)
+    points_m = checked_array("points_m", points_m, (None, 3))
+    if sum(len(corners) > 0 for corners in faces) < FEWEST_FACES:
+        return np.full(len(points_m), np.inf)
     beyond = points_m @ normals.T - offset_m
     signed = beyond.max(1)
     outside = np.flatnonzero(signed > 0.0)
     away = np.full(len(outside), np.inf)
-    faces = polyhedron_faces(normals, offset_m)
-    if sum(len(corners) > 0 for corners in faces) < FEWEST_FACES:
-        return np.full(len(points_m), np.inf)
     for face, corners in enumerate(faces):
         if len(corners):
             away = np.minimum(away, _polygon_distance(points_m[outside], corners, normals[face],

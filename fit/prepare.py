@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float, Int
 from fit.arrays import is_valid
 from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus
 from fit.optimize.batch import point_bucket
+from fit.option_checks import checked_array, spread_array
 
 MIN_SOLID_POINTS = 8
 """Minimum number of points for a solid."""
@@ -86,9 +87,9 @@ def prepare(
 
     A shape needs `least_points` different points; a `solid` needs points that are not coplanar.
     """
-    points = _array("points", points, (None, None, 3))
+    points = checked_array("points", points, (None, None, 3))
     n, width = points.shape[:2]
-    mask = np.ones((n, width), bool) if mask is None else _array("mask", mask, (n, width), bool)
+    mask = checked_array("mask", np.ones((n, width)) if mask is None else mask, (n, width), bool)
     sound = is_valid(points).all(axis=2)
     bad = (mask & ~sound).any(axis=1)
     kept = mask & sound
@@ -119,21 +120,21 @@ def prepare(
 
     low, high = bounds(np.inf, np.min), bounds(-np.inf, np.max)
     if covariance is not None:
-        covariance = _array("covariance", covariance, (n, width, 3, 3))[rows, order]
+        covariance = checked_array("covariance", covariance, (n, width, 3, 3))[rows, order]
         sound = kept & is_valid(covariance).all(axis=(2, 3))
         sound[sound] = _semidefinite(covariance[sound])
         status = np.where((kept & ~sound).any(axis=1), FitStatus.bad_points, status)
         covariance = np.where(sound[..., None, None], covariance, 0.0)
         covariance = covariance / scale[:, None, None, None] ** 2
     if normals is not None:
-        normals = _array("normals", normals, (n, width, 3))[rows, order]
+        normals = checked_array("normals", normals, (n, width, 3))[rows, order]
         # Scale by a power of two first, which is exact, so that the squares do not overflow.
         normals = np.ldexp(normals, -np.frexp(np.abs(normals).max(axis=2, keepdims=True))[1])
         with np.errstate(invalid="ignore", divide="ignore"):
             normals = normals / np.linalg.norm(normals, axis=2, keepdims=True)
     plane = None
     if table_z is not None:
-        height = _broadcast("table_z", table_z, (n,))
+        height = spread_array("table_z", table_z, (n,))
         wrong = (status == FitStatus.converged) & ~_may_stand(low, high, height)
         status = np.where(wrong | ~is_valid(height), FitStatus.bad_points, status)
         plane = np.zeros((n, 4))
@@ -187,11 +188,11 @@ def _status(count, repeated, lengths, reach, bad, least_points, solid) -> np.nda
 
 
 def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
-    free_points = _array("free_points", free_points, (n, None, 3))
+    free_points = checked_array("free_points", free_points, (n, None, 3))
     balls = free_points.shape[1]
-    radius = _broadcast("free_radius", 0.0 if free_radius is None else free_radius, (n, balls))
-    kept = np.ones((n, balls), bool) if free_mask is None else _array(
-        "free_mask", free_mask, (n, balls), bool)
+    radius = spread_array("free_radius", 0.0 if free_radius is None else free_radius, (n, balls))
+    kept = checked_array("free_mask", np.ones((n, balls)) if free_mask is None else free_mask,
+                         (n, balls), bool)
     kept = kept & is_valid(free_points).all(axis=2) & is_valid(radius)
     width = max(-(-balls // FREE_BUCKET), 1) * FREE_BUCKET
     free = np.zeros((n, 4, width))
@@ -201,32 +202,3 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
     # A ball of radius zero is a point of free space; the minimum distinguishes it from padding.
     free[:, 3, :balls] = np.where(kept, np.maximum(radius / scale[:, None], 1e-6), 0.0)
     return free
-
-
-def _broadcast(name: str, value, shape: tuple[int, ...]) -> np.ndarray:
-    """One number for all, or an array that spreads to `shape`."""
-    value = _plain(name, value, float)
-    try:
-        return np.broadcast_to(value, shape)
-    except ValueError:
-        raise ValueError(f"{name}: shape {value.shape}, should be one number or "
-                         f"({', '.join(map(str, shape))})") from None
-
-
-def _plain(name: str, value, dtype) -> np.ndarray:
-    if np.ma.is_masked(value):
-        raise ValueError(f"{name}: has masked values, should be a plain array; say by `mask` which "
-                         "touches count")
-    if np.iscomplexobj(value):
-        raise ValueError(f"{name}: has complex numbers, should have real ones")
-    return np.asarray(value, dtype)
-
-
-def _array(name: str, value, shape: tuple, dtype=float) -> np.ndarray:
-    value = _plain(name, value, dtype)
-    fits = value.ndim == len(shape) and all(
-        want is None or have == want for have, want in zip(value.shape, shape, strict=True))
-    if not fits:
-        wanted = ", ".join("any" if want is None else str(want) for want in shape)
-        raise ValueError(f"{name}: shape {value.shape}, should be ({wanted})")
-    return value

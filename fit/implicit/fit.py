@@ -89,8 +89,11 @@ def fit_implicit(
     fits = _placeholder(sets, np.asarray(points).shape[1], table_z)
     mean = mean or sphere_mean(fits)
     free = None
-    if free_points is not None and np.shape(free_points)[1] and options.free_rounds:
+    if free_points is not None:
         free = free_space(sets, mean, free_points, free_radius, free_mask)
+        free = free if free.kept.shape[1] and options.free_rounds else None
+    if not (fits.status == FitStatus.converged).any():
+        return _widened(fits, 1)
     rows = touch_rows(sets, mean, options, 0 if free is None else FREE_ROWS)
     rows = with_normals(rows, sets, mean, _first_normals(rows), options)
     buckets: list[tuple[np.ndarray, np.ndarray, ProcessData]] = []
@@ -240,8 +243,8 @@ def _placeholder(sets: Sets, points: int, table_z) -> ImplicitFit:
     n = len(sets.count)
     away = np.where(sets.mask, np.linalg.norm(sets.points, axis=2), np.inf)
     # The sphere inside which few touches lie; inf marks the padding of short rows.
-    ordered = np.sort(away, axis=1)
-    near = ordered[np.arange(n), np.minimum(sets.count // 10, ordered.shape[1] - 1)]
+    ordered = np.sort(np.pad(away, [(0, 0), (0, 1)], constant_values=np.inf), axis=1)
+    near = ordered[np.arange(n), sets.count // 10]
     radius = np.clip(np.where(np.isfinite(near), near, 0.5), 0.25, 1.0) * sets.scale
     table = np.broadcast_to(np.asarray(NO_TABLE_M if table_z is None else table_z, float), (n,))
     return ImplicitFit(

@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float, Int
 from fit.implicit.process import ProcessData
 from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
+from fit.option_checks import checked_array, spread_array
 from fit.prepare import Sets
 
 
@@ -30,15 +31,11 @@ class FreeSpace:
 
 def free_space(sets: Sets, mean: Mean, points, radius, mask) -> FreeSpace:
     """Free space from the arguments of a fit. Raises ValueError for a wrong shape."""
-    points = np.asarray(points, float)
     n = len(sets.count)
-    if points.ndim != 3 or points.shape[::2] != (n, 3):
-        raise ValueError(f"free_points: shape {points.shape}, should be ({n}, any, 3)")
+    points = checked_array("free_points", points, (n, None, 3))
     shape = points.shape[:2]
-    radius = np.broadcast_to(np.asarray(0.0 if radius is None else radius, float), shape)
-    kept = np.ones(shape, bool) if mask is None else np.asarray(mask, bool)
-    if kept.shape != shape:
-        raise ValueError(f"free_mask: shape {kept.shape}, should be {shape}")
+    radius = spread_array("free_radius", 0.0 if radius is None else radius, shape)
+    kept = checked_array("free_mask", np.ones(shape) if mask is None else mask, shape, bool)
     kept = kept & np.isfinite(points).all(axis=2) & np.isfinite(radius)
     points = np.where(kept[..., None], points, sets.origin[:, None])
     values = mean(points, np.arange(n))

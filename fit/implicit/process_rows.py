@@ -9,6 +9,7 @@ from scipy.spatial import KDTree
 from fit.fit_status import FitStatus
 from fit.implicit.process import ProcessData
 from fit.implicit.record import ImplicitOptions, Mean
+from fit.option_checks import checked_array
 from fit.prepare import Sets
 
 ROW_BUCKETS = (32, 64, 96, 128, 192, 256, 384, 512, 704)
@@ -184,7 +185,8 @@ def _mean(sets: Sets, mean: Mean, *points: np.ndarray) -> np.ndarray:
     """Values of the mean at several arrays of points of the sets, all in unit frames."""
     asked = np.concatenate(points, axis=1)
     places = sets.origin[:, None] + sets.scale[:, None, None] * asked
-    values = mean(places, np.arange(len(asked))) / sets.scale[:, None]
+    values = checked_array("mean", mean(places, np.arange(len(asked))), asked.shape[:2])
+    values = values / sets.scale[:, None]
     return np.moveaxis(values.reshape(len(asked), len(points), -1), 1, 0)
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Float, Int
 from fit.implicit.process import predict, predict_with_slope, slope
 from fit.implicit.record import ImplicitFit, Mean
 from fit.optimize.batch import Program, map_lanes
+from fit.option_checks import checked_array
 
 CHUNK = 512
 """Queries of a lane."""
@@ -98,12 +99,8 @@ def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None,
            most: Literal["value", "gradient", "variance"], *, counts: np.ndarray | None = None
            ) -> list[np.ndarray]:
     """Of every query the distance and, up to `most`, the process' gradient and its variance."""
-    n, count = queries_m.shape[:2]
-    if n != len(fits):
-        raise ValueError(f"queries_m: {n} sets of queries for {len(fits)} fits")
-    given = (mean or sphere_mean(fits))(queries_m, np.arange(n))
-    if given.shape != (n, count):
-        raise ValueError(f"mean: shape {given.shape}, should be ({n}, {count})")
+    n, count = checked_array("queries_m", queries_m, (len(fits), None, 3)).shape[:2]
+    given = checked_array("mean", (mean or sphere_mean(fits))(queries_m, np.arange(n)), (n, count))
     chunks = max(-(-count // CHUNK), 1)
     room = np.zeros((n, chunks * CHUNK, 3))
     room[:, :count] = queries_m - fits.centre_m[:, None]

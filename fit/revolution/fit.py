@@ -6,6 +6,7 @@ are distances to the closed contour in the half plane of height and radius, so t
 count too.
 """
 
+from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -13,10 +14,12 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from fit.arrays import is_valid
+from fit.fit_status import FitStatus
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
-from fit.option_checks import options_of
+from fit.option_checks import MOST_WEIGHT, checked_array, options_of
 from fit.prepare import Sets, prepare
 from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
 from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
@@ -25,6 +28,8 @@ from fit.superquadric.starts import box_starts
 
 TOUCH_STD_M = 0.001
 """Of a touch about the contour, which priors are weighed against [est]."""
+LEAST_MIDDLE_STD_M = TOUCH_STD_M / MOST_WEIGHT
+"""Of a middle: one known better counts as this."""
 _LEAST_TILT_WEIGHT = 1e-3  # so that a sphere has one answer
 
 
@@ -45,6 +50,8 @@ def fit_revolution(
     options = options_of(options, RevolutionOptions)
     sets = prepare(points, mask, table_z=table_z)
     n = len(sets.count)
+    known, none = _known(middle, n)
+    sets = replace(sets, status=np.where(none, FitStatus.bad_points, sets.status))
     size = sets.high - sets.low
     rows: dict[str, np.ndarray] = {
         "position_m": 0.5 * (sets.high + sets.low) - [0, 0, 0.5] * size,
@@ -57,11 +64,23 @@ def fit_revolution(
         "status": sets.status.copy(),
         "n_points": sets.count.copy(),
     }
-    known = Middle(np.zeros((n, 3)), np.full(n, np.inf)) if middle is None else middle
     for index, bucket in sets.buckets():
         for name, values in _fit_bucket(bucket, known.rows(index), options).items():
             rows[name][index] = values
     return RevolutionFit(**rows)
+
+
+def _known(middle: Middle | None, n: int) -> tuple[Middle, Bool[np.ndarray, " fit"]]:
+    """What is known of the middles of `n` axes, and for which of them it is no evidence."""
+    if middle is None:
+        return Middle(np.zeros((n, 3)), np.full(n, np.inf)), np.zeros(n, bool)
+    point = checked_array("middle.point_m", middle.point_m, (n, 3))
+    std = checked_array("middle.std_m", middle.std_m, (n,))
+    told = std < np.inf
+    sound = np.all(is_valid(point), axis=1)
+    none = np.isnan(std) | (std < 0.0) | (told & ~sound)
+    return Middle(np.where(sound[:, None], point, 0.0),
+                  np.where(none, np.inf, np.maximum(std, LEAST_MIDDLE_STD_M))), none
 
 
 def _even_volume(height_m: np.ndarray, radius_m: np.ndarray) -> np.ndarray:

@@ -52,7 +52,8 @@ class Middle:
     point_m: Float[np.ndarray, "fit 3"]
     """Its place along the axis does not count."""
     std_m: Float[np.ndarray, " fit"]
-    """Of each coordinate across the axis; infinite where nothing is known."""
+    """Of each coordinate across the axis; infinite where nothing is known. A set with a negative or
+    NaN one, or with a point that is none, is `bad_points`."""
 
     def rows(self, index: np.ndarray) -> "Middle":
         """Those of the fits `index`."""

@@ -64,9 +64,11 @@ def _begin(sets: Sets, form: Form, options: SuperquadricOptions, start: Superqua
     theta = np.zeros((len(sets.count), form.parameters))
     fresh = np.ones(len(theta), bool)
     if start is not None:
-        fresh = ~is_fitted(start.status)
         theta = _parameters_of(start, sets, form)
-        lanes = lanes._replace(rotation=matrix_of_quaternion(start.quaternion_xyzw))
+        rotation = matrix_of_quaternion(start.quaternion_xyzw)
+        known = np.isfinite(theta).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
+        fresh = ~(is_fitted(start.status) & known)
+        lanes = lanes._replace(rotation=rotation)
     if fresh.any():
         rows = np.flatnonzero(fresh)
         rotation = lanes.rotation.copy()

@@ -42,17 +42,19 @@ def fit_superquadric(
             be told from them.
         free_points, free_radius, free_mask: balls [m] of known free space.
         options: see `SuperquadricOptions`.
-        start: fits to nearly the same points, one per set; fitted ones replace the screening, so
-            that the result stays near that solution.
+        start: fits to nearly the same points, one per set; fitted ones of finite parameters replace
+            the screening, so that the result stays near that solution.
 
     Returns:
         `SuperquadricFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
-        ValueError: an array of the wrong shape, or a start of another length.
+        ValueError: an array of the wrong shape, or a start that is no fits or of another length.
     """
     options = options_of(options, SuperquadricOptions)
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)
+    if not isinstance(start, SuperquadricFit | None):
+        raise ValueError(f"start: {type(start).__name__}, should be a SuperquadricFit")
     if start is not None and len(start) != len(sets.count):
         raise ValueError(f"start: {len(start)} fits for {len(sets.count)} sets")
     rows = _placeholder(sets)

@@ -51,10 +51,17 @@ SuperquadricLike = Superquadric | SuperquadricFit
 def superquadric(
     size_m, exponents, position_m=(0, 0, 0), quaternion_xyzw=(0, 0, 0, 1), taper=(0, 0), bend=(0, 0)
 ) -> Superquadric:
-    """A `Superquadric` from single values and batches, shapes [n] or [fit, n]."""
+    """A `Superquadric` from single values and batches, shapes [n] or [fit, n].
+
+    Raises ValueError for batches of several lengths.
+    """
     fields = [np.atleast_2d(np.asarray(v, float)) for v in
               (size_m, exponents, position_m, quaternion_xyzw, taper, bend)]
-    count = max(len(v) for v in fields)
+    counts = {len(v) for v in fields} - {1}
+    if len(counts) > 1:
+        raise ValueError(f"superquadric: batches of {', '.join(map(str, sorted(counts)))}, should "
+                         "be of one length")
+    count = counts.pop() if counts else 1
     return Superquadric(*(np.broadcast_to(v, (count, v.shape[1])) for v in fields))
 
 

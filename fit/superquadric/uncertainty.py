@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fit.arrays import is_valid, row_medians, row_products, row_sums
+from fit.option_checks import checked_array
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
@@ -69,11 +70,14 @@ def superquadric_uncertainty(
     each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `shared_m` are
     errors that touches share and that do not average out (calibration, skin): by how much one
     standard deviation of each moves each touch along the normal; or a function that says so of the
-    unit normals (fit, point, 3).
+    unit normals (fit, point, 3). Raises ValueError for an array of the wrong shape.
     """
     body = _body(fit)
-    points = np.asarray(points, float)
-    mask = np.ones(points.shape[:2], bool) if mask is None else mask
+    points = checked_array("points", points, (len(body.size_m), None, 3))
+    shape = points.shape[:2]
+    mask = checked_array("mask", np.ones(shape) if mask is None else mask, shape, bool)
+    if covariance is not None:
+        covariance = checked_array("covariance", covariance, (*shape, 3, 3))
     kept = is_valid(points).all(axis=2) & mask
     points = np.where(kept[..., None], points, body.position_m[:, None] + body.size_m[:, None])
     fitted = np.ones((len(points), 15), bool)
@@ -93,7 +97,8 @@ def superquadric_uncertainty(
     unit = np.linalg.inv(information)
     if shared_m is not None:
         # What least squares make of each of these errors.
-        shifts = shared_m(normal) if callable(shared_m) else shared_m
+        shifts = checked_array("shared_m", shared_m(normal) if callable(shared_m) else shared_m,
+                               (*shape, None))
         moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)

@@ -23,6 +23,8 @@ from warpgrasp.core.plain_text import on_one_line
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
 MOST_FACES = 500_000
+_OUTSIDE_M = 1.0
+"""Taken for a distance that is no number, so that the other worlds' meshes can be made."""
 NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
 
 
@@ -91,9 +93,12 @@ def _answered(function: Callable[..., Any], touches: Touches
         with guarded_call():
             answer = function(touches)
             if callable(answer):
-                found = zero_set_meshes(_checked(answer, touches, cut), touches.low_m,
+                bad = np.zeros(worlds, bool)
+                found = zero_set_meshes(_checked(answer, touches, cut, bad), touches.low_m,
                                         touches.high_m)
-                return found, fault, cut
+                fault[bad] = f"{place_of(function)}: a distance is not finite"
+                return [NO_MESH if none else mesh for none, mesh in zip(bad, found, strict=True)
+                        ], fault, cut
             answer = list(answer) if isinstance(answer, Iterable) else answer
     except Exception as error:  # whatever a user's function may raise
         fault[:] = fault_text(function, error)
@@ -119,10 +124,10 @@ def _answered(function: Callable[..., Any], touches: Touches
     return meshes, fault, cut
 
 
-def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray
+def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray, bad: np.ndarray
              ) -> Callable[..., np.ndarray]:
     """The user's distance, checked. It raises ValueError, and notes in `cut` (world,) where it is
-    negative on the sides or the top of the box."""
+    negative on the sides or the top of the box, and in `bad` (world,) where it is no number."""
     low, high = touches.low_m[:, None], touches.high_m[:, None]
     rim = 1e-6 * (high - low)
 
@@ -130,8 +135,9 @@ def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray
         found = _numbers(distance(read_only(points), read_only(worlds)), "distances")
         if found.shape != points.shape[:2]:
             raise ValueError(f"distances of shape {found.shape}, should be {points.shape[:2]}")
-        if not np.isfinite(found).all():
-            raise ValueError("a distance is not finite")
+        known = np.isfinite(found)
+        bad[worlds] |= ~known.all(1)
+        found = np.where(known, found, _OUTSIDE_M)
         out = points >= (high - rim)[worlds]
         out[..., :2] |= (points <= (low + rim)[worlds])[..., :2]  # a body may stand on the table
         cut[worlds] |= (out.any(-1) & (found < 0.0)).any(1)

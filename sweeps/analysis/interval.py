@@ -74,7 +74,7 @@ class ObjectMeans:
 
         An object on which nothing has a value (all NaN) is left out.
         """
-        if not np.isfinite(values).all():
+        if not len(values) or not np.isfinite(values).all():
             return
         count = len(values)
         mean = values.mean(axis=0)

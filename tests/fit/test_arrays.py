@@ -99,3 +99,8 @@ def test_products_of_rows_do_not_depend_on_their_padding() -> None:
         assert np.array_equal(row_products(a, b), row_products(*padded))
         np.testing.assert_allclose(row_products(a, b), np.einsum("rpi,rpj->rij", a, b), rtol=1e-12,
                                    atol=1e-13)
+
+
+def test_rows_without_values_have_no_median() -> None:
+    assert np.isnan(row_medians(np.zeros((3, 0)))).all()
+    assert row_medians(np.zeros((0, 0))).shape == (0,)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from fit.interpretation_tree import interpret, model_of_planes
 from fit.polyhedron import polyhedron_distance, polyhedron_mesh
 
 CUBE = np.concatenate([np.eye(3), -np.eye(3)])
@@ -52,3 +53,22 @@ def test_planes_that_hold_nothing_have_no_surface_and_open_ones_are_refused() ->
     assert np.isinf(polyhedron_distance(normals, offset, np.zeros((2, 3)))).all()
     with pytest.raises(ValueError, match="close no body"):
         polyhedron_mesh(CUBE[:5], offset[:5])
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_planes_that_are_none_are_refused(number: float) -> None:
+    offset = np.tile(SIZE_M, 2)
+    offset[1] = number
+    with pytest.raises(ValueError, match="not finite"):
+        polyhedron_mesh(CUBE, offset)
+    for few in (0, 1, 2):
+        with pytest.raises(ValueError, match="close no body"):
+            polyhedron_mesh(CUBE[:few], offset[:1].repeat(few))
+    with pytest.raises(ValueError, match=r"points_m: shape \(3,\), should be \(any, 3\)"):
+        polyhedron_distance(CUBE, np.tile(SIZE_M, 2), np.zeros(3))
+
+
+def test_no_touch_lies_on_a_body_that_planes_leave_nothing_of() -> None:
+    nothing = model_of_planes("nothing", CUBE, -np.tile(SIZE_M, 2))
+    assert interpret(np.eye(3), np.eye(3), nothing, angle_rad=0.1, distance_m=0.01) == []

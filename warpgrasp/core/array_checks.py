@@ -10,8 +10,10 @@ _KINDS = {"numbers": "iuf", "whole numbers": "iu", "bool": "b"}
 
 
 def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
-    """Raise ValueError where a number is none of `least` to `most`: kernels index by it unasked."""
-    wrong = (np.less(numbers, least) | np.greater(numbers, most)).ravel()
+    """Raise ValueError where a number is no whole one of `least` to `most`: kernels index by it
+    unasked."""
+    right = np.greater_equal(numbers, least) & np.less_equal(numbers, most)  # no NaN is either
+    wrong = ~(right & np.equal(numbers, np.floor(numbers))).ravel()
     if wrong.any():
         raise ValueError(f"{what} {np.ravel(numbers)[wrong][0]}: wants {least} to {most}")
 

@@ -10,7 +10,7 @@ import warp as wp
 
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec2, vec3, vec4
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.kernel_launch import ShapeError, array_of, launch
 from warpgrasp.geometry.scene import (
     Join,
     Primitive,
@@ -153,6 +153,8 @@ def _asked(
 ) -> np.ndarray:
     """What one of the scene's kernels, whose numbers are of the type `answer`, says of points."""
     check_range("body", body, 0, scene.bodies - 1)
+    if np.ndim(points_m) != 3 or np.shape(points_m)[2] != 3:
+        raise ShapeError(f"points_m: of shape {np.shape(points_m)}; should be (world, point, 3)")
     worlds, count = points_m.shape[:2]
     found = wp.empty((worlds, count), dtype=answer, device=device)
     launch(kernel, {"world": worlds, "point": count},

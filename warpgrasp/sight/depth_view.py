@@ -55,7 +55,7 @@ def seen_depths(
                     pixels=max(cameras.pixels // MATCHED, 1))
     depth = depths(scene, body, body_pose, first, device=device)[:, 0]
     stream = counter_key(key, int(Purpose.CAMERA), 0)[:, None, None]
-    number = np.arange(depth[0].size).reshape(depth.shape[1:])
+    number = np.arange(first.pixels**2).reshape(first.pixels, first.pixels)
     wrong = table.pixel_noise * counter_normal(counter_key(stream, _NOISE, number))
     matched = np.isfinite(depth)
     near = np.where(matched, depth, 0.0)

@@ -9,7 +9,7 @@ import warp as wp
 
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import mat33, real, transform, uint8, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.silhouette_kernel import _range_kernel, _silhouette_kernel
@@ -73,6 +73,9 @@ def _traced(
     """What a kernel writes to its argument `name`, (world, camera, row, column)."""
     check_range("body", body, 0, scene.bodies - 1)
     worlds, count = cameras.centre_m.shape[:2]
+    if np.shape(body_pose) != (worlds, 7):
+        raise ShapeError(f"body_pose: of shape {np.shape(body_pose)}; should be (world {worlds}, "
+                         "7)")
     n = cameras.pixels
     image = wp.empty((worlds, count, n, n), dtype=kind, device=device)
     reach = 2.0 * float(np.linalg.norm(

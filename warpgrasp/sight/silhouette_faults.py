@@ -34,7 +34,8 @@ def faulty_silhouettes(seen: np.ndarray, key: np.ndarray, table: StereoTable) ->
         for number in range(table.spurious_edges):
             image ^= _line(len(image), counter_key(own, _LINES, number))
     if table.flipped_pixels > 0.0:
-        pixel = np.arange(seen[0, 0].size).reshape(seen.shape[2:])
+        rows, columns = seen.shape[2:]
+        pixel = np.arange(rows * columns).reshape(rows, columns)
         draw = counter_uniform(counter_key(stream[..., None, None], _PIXELS, pixel))
         out ^= draw < table.flipped_pixels
     return out

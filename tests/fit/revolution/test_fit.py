@@ -6,7 +6,7 @@ import pytest
 from fit.fit_status import FitStatus
 from fit.revolution.fit import fit_revolution
 from fit.revolution.geometry import RevolutionBody, revolution_inside, revolution_volume
-from fit.revolution.record import RevolutionOptions
+from fit.revolution.record import Middle, RevolutionOptions
 from fit.rotation import matrix_of_quaternion
 
 CONTOUR = (np.array([0.0, 0.1, 0.14, 0.2]), np.array([0.035, 0.035, 0.014, 0.014]))
@@ -103,3 +103,28 @@ def test_padding_changes_no_bit_and_bad_sets_have_a_status() -> None:
     for name, value in vars(plain).items():
         assert np.array_equal(getattr(found, name)[[0, 2]], value[[0, 2]]), name
     assert all(np.isfinite(value).all() for value in vars(found).values())
+
+
+def test_middles_that_are_none_spoil_no_other_set() -> None:
+    """Unknown where the deviation is infinite, whatever the point; one without error counts as
+    nearly exact."""
+    points = bottle(1, 60, 1e-3, np.random.default_rng(8)).repeat(6, axis=0)
+    centre = points.mean(axis=1)
+    centre[1] = np.nan
+    centre[2, 0] = np.inf
+    std = np.array([np.inf, np.inf, 0.01, np.nan, -0.01, 0.0])
+    found = fit_revolution(points, table_z=0.0, middle=Middle(centre, std))
+    assert np.flatnonzero(found.status == FitStatus.bad_points).tolist() == [2, 3, 4]
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+    alone = fit_revolution(points[:1], table_z=0.0)
+    for name, value in vars(found).items():
+        np.testing.assert_array_equal(value[:2], vars(alone)[name].repeat(2, axis=0), name)
+    axis = found.axis[5] / found.axis[5, 2]
+    half = 0.5 * found.height_m[5] * found.axis[5, 2]
+    assert np.allclose(found.position_m[5] + half * axis, [*centre[5, :2], half], atol=2e-3)
+
+
+def test_middles_of_other_sets_are_refused() -> None:
+    points = bottle(2, 20, 1e-3, np.random.default_rng(9))
+    with pytest.raises(ValueError, match=r"middle.point_m: shape \(3, 3\), should be \(2, 3\)"):
+        fit_revolution(points, middle=Middle(np.zeros((3, 3)), np.ones(3)))

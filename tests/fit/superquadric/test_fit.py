@@ -1,5 +1,7 @@
 """The batch fit: quality, invariances, bad sets; on small batches."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from quality_bodies import standing_bodies, touches, volume_iou
@@ -247,3 +249,20 @@ def test_wrong_shapes_are_named() -> None:
         fit_superquadric(np.zeros((3, 2)))
     with pytest.raises(ValueError, match="covariance: shape"):
         fit_superquadric(np.zeros((1, 9, 3)), covariance=np.zeros((1, 9, 3)))
+
+
+@pytest.mark.parametrize("field", ["size_m", "position_m", "quaternion_xyzw"])
+def test_a_start_that_is_not_finite_is_none(sets, fitted, field: str) -> None:
+    """It is screened as without a start; the others go on from theirs."""
+    broken = vars(fitted)[field].copy()
+    broken[1] = np.nan
+    found = fit_superquadric(sets[1], table_z=0.0, start=replace(fitted, **{field: broken}))
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+    assert same_bits(found[1], fitted[1])
+    assert same_bits(found[2:], fit_superquadric(sets[1], table_z=0.0, start=fitted)[2:])
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_a_start_that_is_no_fit_is_refused(sets) -> None:
+    with pytest.raises(ValueError, match="start: int, should be a SuperquadricFit"):
+        fit_superquadric(sets[1], start=3)  # type: ignore

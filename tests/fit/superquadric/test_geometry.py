@@ -97,3 +97,14 @@ def test_turned_points_are_the_products_and_hang_on_no_neighbour() -> None:
     turned = turn_points(rotation, points)
     assert np.allclose(turned, points @ rotation.swapaxes(1, 2), atol=1e-14)
     assert np.array_equal(turn_points(rotation[3:8:2], points[3:8:2]), turned[3:8:2])
+
+
+def test_bodies_of_batches_of_any_one_length() -> None:
+    """Also of none; single values are those of every body."""
+    for count in (0, 1, 3):
+        sizes = np.tile([0.03, 0.04, 0.05], (count, 1))
+        bodies = superquadric(sizes, [0.5, 1.0])
+        assert superquadric_volume(bodies).shape == (count,)
+        assert all(len(field) == count for field in bodies)
+    with pytest.raises(ValueError, match="superquadric: batches of 2, 3, should be of one length"):
+        superquadric(np.ones((2, 3)), np.ones((3, 2)))

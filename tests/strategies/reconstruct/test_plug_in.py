@@ -114,6 +114,11 @@ def not_real(touches):
 
 def not_finite(touches):
     return lambda points, worlds: np.full(points.shape[:2], np.nan)
+
+def one_not_finite(touches):
+    def distance(points, worlds):
+        return np.where(worlds[:, None] == 1, np.inf, balls(touches)(points, worlds))
+    return distance
 '''
 
 
@@ -173,6 +178,14 @@ def test_faults_name_the_function_and_what_is_wrong(asked, name: str, said: str)
     found = asked(name)
     assert not found.made.any()
     assert all(said in text for text in found.fault)
+
+
+def test_distances_that_are_no_numbers_are_a_fault_of_their_world_alone(asked) -> None:
+    found, whole = asked("one_not_finite"), asked("balls")
+    assert found.made.tolist() == [True, False]
+    assert found.fault[0] == ""
+    assert "one_not_finite: a distance is not finite" in found.fault[1]
+    assert np.array_equal(found.meshes[0].vertices_m, whole.meshes[0].vertices_m)
 
 
 @pytest.mark.parametrize(("name", "cut"), [

@@ -231,3 +231,16 @@ def test_failing_never_pays(seed: int, metric: str, data: st.DataObject) -> None
     before, after = (means_of(np.stack([filled(v, failure_score(metric)) for v in given]))
                      .values("these").value[0] for given in (values, failed))
     assert after <= before if metric == "iou" else after >= before
+
+
+@pytest.mark.parametrize("chances", [False, True])
+def test_an_object_without_episodes_is_none(chances: bool) -> None:
+    data = np.random.default_rng(4).integers(0, 2, (3, 6, 2)).astype(float)
+    found, with_none = means_of(data, chances), means_of(data[:1], chances)
+    with_none.add(np.zeros((0, 2)))
+    for values in data[1:]:
+        with_none.add(values)
+    for over in ("these", "like-these"):
+        for one, other in zip(vars(found.values(over)).values(),
+                              vars(with_none.values(over)).values(), strict=True):
+            np.testing.assert_array_equal(one, other)

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpgrasp.core.kernel_launch import ShapeError
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -80,3 +81,14 @@ def test_as_much_is_missing_as_asked_for() -> None:
     view = seen("block", StereoTable(missing_depth=0.3))
     assert np.isnan(view.depth_m).mean() == pytest.approx(0.3, abs=0.07)  # of 384 patches
     assert not np.array_equal(np.isnan(view.depth_m[0]), np.isnan(view.depth_m[1]))
+
+
+def test_a_batch_may_be_empty_and_poses_are_checked() -> None:
+    cameras = stereo_cameras(EXACT, np.zeros((0, 3)))
+    scene, none = scene_of([body_from_name("block")], "cpu"), np.zeros(0, int)
+    view = seen_depths(scene, none, POSE[:0], cameras, EXACT, counter_key(4, none))
+    side = EXACT.pixels // MATCHED
+    assert view.depth_m.shape == (0, side, side)
+    for wrong in (POSE[:2], POSE[:0, :6]):
+        with pytest.raises(ShapeError, match=r"body_pose: .*should be \(world 0, 7\)"):
+            seen_depths(scene, none, wrong, cameras, EXACT, counter_key(4, none))

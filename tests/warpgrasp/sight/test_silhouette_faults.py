@@ -83,3 +83,10 @@ def test_a_clean_object_stays_and_nothing_is_nothing() -> None:
     edge = np.zeros((1, PIXELS, PIXELS), bool)
     edge[:, 40:, 50:80] = True  # down to the border: it must still touch it
     assert object_regions(edge)[0, -1, 55:75].all()
+
+
+def test_a_batch_may_be_empty() -> None:
+    table = StereoTable(flipped_pixels=0.1, missing_edges=0.1)
+    for worlds, cameras in ((0, 2), (6, 0)):
+        seen = disc()[:worlds, :cameras]
+        assert faulty_silhouettes(seen, KEY[:worlds], table).shape == seen.shape

@@ -1,0 +1,65 @@
+"""Arrays given to fits: what is wrong is named, and batches may be empty."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fit.fit_status import FitStatus
+from fit.implicit.fit import fit_implicit
+from fit.implicit.query import implicit_distance, implicit_values
+from fit.option_checks import checked_array
+from fit.plane import fit_plane
+from fit.revolution.fit import fit_revolution
+from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.geometry import superquadric
+from fit.superquadric.uncertainty import superquadric_uncertainty
+
+pytestmark = pytest.mark.usefixtures("unchecked")
+TOUCHES = np.random.default_rng(2).normal(size=(2, 24, 3)) * [0.02, 0.03, 0.05]
+FITS = pytest.mark.parametrize("fit", [fit_plane, fit_revolution, fit_superquadric, fit_implicit])
+
+
+@pytest.mark.parametrize("value", ["abc", [[0.0], [0.0, 1.0]], {"x": 1}])
+def test_what_is_no_array_is_named(value: Any) -> None:
+    with pytest.raises(ValueError, match="points: is no array of numbers"):
+        checked_array("points", value, (None, 3))
+
+
+@FITS
+def test_a_batch_without_sets_or_without_slots_is_fitted(fit: Callable) -> None:
+    assert len(fit(TOUCHES[:0]).status) == 0
+    empty = fit(TOUCHES[:, :0])
+    assert (empty.status == FitStatus.too_few_points).all()
+    assert all(np.isfinite(value).all() for value in vars(empty).values())
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"free_points": np.zeros(3)}, r"free_points: shape \(3,\), should be \(2, any, 3\)"),
+    ({"free_points": np.zeros((2, 4, 3)), "free_radius": np.ones(3)},
+     r"free_radius: shape \(3,\), should be one number or \(2, 4\)"),
+    ({"mean": lambda points, rows: 0.0}, r"mean: shape \(\), should be \(2, ")])
+def test_evidence_of_free_forms_is_named(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(ValueError, match=said):
+        fit_implicit(TOUCHES, **wrong)
+
+
+@pytest.mark.parametrize("ask", [implicit_values, implicit_distance])
+def test_queries_of_a_wrong_shape_are_named(ask: Callable) -> None:
+    """Also three points for three fits, which would spread."""
+    found = fit_implicit(np.zeros((3, 8, 3)))
+    with pytest.raises(ValueError, match=r"queries_m: shape \(3, 3\), should be \(3, any, 3\)"):
+        ask(found, TOUCHES[0, :3])
+
+
+@pytest.mark.parametrize(("wrong", "said"), [
+    ({"points": TOUCHES[0]}, r"points: shape \(24, 3\), should be \(2, any, 3\)"),
+    ({"points": TOUCHES[:1]}, r"points: shape \(1, 24, 3\)"),
+    ({"mask": np.ones(24, bool)}, r"mask: shape \(24,\), should be \(2, 24\)"),
+    ({"covariance": np.eye(3)}, r"covariance: shape \(3, 3\), should be \(2, 24, 3, 3\)"),
+    ({"shared_m": np.zeros((2, 24))}, r"shared_m: shape \(2, 24\), should be \(2, 24, any\)")])
+def test_touches_of_an_uncertainty_are_named(wrong: dict[str, Any], said: str) -> None:
+    bodies = superquadric(np.tile([0.02, 0.03, 0.05], (2, 1)), [0.5, 0.8])
+    with pytest.raises(ValueError, match=said):
+        superquadric_uncertainty(bodies, **{"points": TOUCHES, **wrong})
