@@ -2,7 +2,6 @@
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
@@ -25,7 +24,7 @@ from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
-from sweeps.text_table import print_table
+from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import counted, on_one_line
 
 # Columns that fit a terminal, after the means and their intervals; the file has them all.
@@ -110,8 +109,8 @@ def _sweep_until(spec: Path, folder: Path, within: float, options: Options,
     found = sweep_until(spec, folder, within=within, options=options, settings=settings,
                         engine=engine, address=address)
     if as_json:
-        rows = [dict(zip(found.board.header, row, strict=True)) for row in found.board.rows]
-        print(json.dumps({**found.lines, "within": found.within, "table": rows}, indent=1))
+        print_json({**json_record(found.lines), "within": finite_or_none(found.within),
+                    "table": found.board.records()})
     else:
         width = max(map(len, found.lines))
         for name, text in found.lines.items():
@@ -150,7 +149,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "other_files": other,
     }
     if as_json:
-        print(json.dumps(found, indent=1))
+        print_json(found)
     else:
         for name, value in found.items():
             text = ", ".join(value) if isinstance(value, list) else value

@@ -1,7 +1,6 @@
 """The commands that run a study and rank it."""
 
 import sys
-from json import dumps
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Literal
@@ -71,6 +70,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     from sweeps.run.false_contacts import false_contact_warnings
     from sweeps.run.plan import plan_study, same_bodies
     from sweeps.spec.reader import read_spec
+    from sweeps.text_table import json_record, print_json
     from warpgrasp.core.plain_text import on_one_line
 
     if metric is not None and pilot is None:
@@ -91,7 +91,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
 
         rows |= dict([power_row(plan, pilot, metric or "chamfer_mm")])
     if json:
-        print(dumps(rows, indent=1))
+        print_json(json_record(rows))
     else:
         width = max(map(len, rows))
         for name, value in rows.items():

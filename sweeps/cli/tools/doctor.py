@@ -24,7 +24,7 @@ def doctor(*, as_json: bool, test: bool) -> int:
         rows += list(_devices())
         if test:
             rows += list(_self_test())
-    print_table(("what", "value", "verdict"), rows, as_json)
+    print_table(("what", "value", "verdict"), rows, as_json, words=("value",))
     return 0 if all(row[2] in ("ok", "") for row in rows) else 1
 
 
