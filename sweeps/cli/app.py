@@ -15,7 +15,7 @@ def _version() -> str:
 
 
 app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. "
-          "Every command takes --quiet: no progress and no notes.",
+          "Every command takes --quiet: no progress and no notes, only errors.",
           version=_version, version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 Folders = Annotated[list[Path], Parameter(name="DIR...")]

@@ -78,7 +78,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     if shard[1] > 1:
         note(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
     if outcome.failed:
-        note(f"{counted(outcome.failed, 'unit')} failed; see {store.logs}/*.failed.log")
+        say(f"{counted(outcome.failed, 'unit')} failed; see {store.logs}/*.failed.log")
     if outcome.lost:
         say(f"{counted(outcome.lost, 'unit')} lost: run, and no file is there; run the sweep again")
     return SOME_FAILED if outcome.failed or outcome.lost else DONE
@@ -250,7 +250,7 @@ def sensitivity(
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
     for line in notes:
-        say(line)
+        note(line)
     return code
 
 

@@ -1,6 +1,5 @@
 """The commands that run a study and rank it."""
 
-import sys
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Literal
@@ -33,7 +32,7 @@ def init(spec: Path, /, *, force: Force = False) -> int:
     force
         Overwrite an existing file.
     """
-    from sweeps.output import write_atomic
+    from sweeps.output import note, write_atomic
     from sweeps.spec.errors import StoreError
     from sweeps.spec.template import spec_template
 
@@ -42,8 +41,7 @@ def init(spec: Path, /, *, force: Force = False) -> int:
         write_atomic(spec, spec_template().encode())
     except OSError as error:
         raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
-    print(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost",
-          file=sys.stderr)
+    note(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost")
     return 0
 
 

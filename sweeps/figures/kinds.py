@@ -20,7 +20,7 @@ from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
 from sweeps.figures.style import encode
-from sweeps.output import note, say, write_atomic
+from sweeps.output import note, write_atomic
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store, open_study
@@ -140,5 +140,5 @@ def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strate
         write_atomic(out, content)
     except OSError as error:
         raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
-    say(str(out))
+    print(out)
     return 0

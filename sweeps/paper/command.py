@@ -1,6 +1,5 @@
 """The command `paper`: experiments of Allen and Michelman (1990) beside their printed results."""
 
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -8,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.output import init_warp, write_atomic
+from sweeps.output import init_warp, note, write_atomic
 from sweeps.paper.bottles import BOTTLES_HEADER, bottle_rows, follow_bottles
 from sweeps.paper.faces import FACES_HEADER, Case, explore_faces, face_rows
 from sweeps.paper.page import Run, page
@@ -47,8 +46,8 @@ def paper(folder: Path, sizes: Sizes | None = None) -> int:
         write_atomic(folder / name, content)
         print(folder / name)
     seconds = np.nanmedian([r.seconds_a_fit for g in run.recovered for r in g.ways])
-    print(f"time: 20 iterations of one fit took {1e3 * seconds:.1f} ms of one core here "
-          "(printed: about 10 s on a Sun-4)", file=sys.stderr)
+    note(f"time: 20 iterations of one fit took {1e3 * seconds:.1f} ms of one core here "
+         "(printed: about 10 s on a Sun-4)")
     return 0
 
 

@@ -52,7 +52,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
             if course.race.looks:
                 found = verdict_of(course.race, course.units)
                 _write(folder, found)
-                say(f"so far: {claim(found)}; {found.labels[found.last.leader]} leads")
+                note(f"so far: {claim(found)}; {found.labels[found.last.leader]} leads")
             raise
         if isinstance(course, SearchCourse) and course.proposed:
             write_atomic(folder / "search.csv", search_table(course).csv())
@@ -66,7 +66,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
         note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
              f"more {'of them' if spent == 'objects' else 'of it'} may tell")
     if outcome.failed:
-        note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
+        say(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
     return int(bool(outcome.failed or outcome.lost))
 
 

@@ -4,7 +4,6 @@ It needs viser, an optional dependency. Arm and hand are capsules.
 """
 
 import io
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
@@ -81,7 +80,7 @@ def _play(replay: Replay, port: int) -> None:
             slider = server.gui.add_slider("frame", 0, len(replay.frames) - 1, 1, 0)
             playing = server.gui.add_checkbox("play", True)
         slider.on_update(lambda _: drawn.show(int(slider.value)))
-        print(f"http://{LOCAL}:{server.get_port()} (Ctrl-C ends it)", file=sys.stderr, flush=True)
+        print(f"http://{LOCAL}:{server.get_port()} (Ctrl-C ends it)", flush=True)
         while True:
             time.sleep(1.0 / PER_SECOND)
             if playing.value:

@@ -2,13 +2,12 @@
 
 import csv
 import io
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from sweeps.output import extra_hint, init_warp, quiet_stdout, write_atomic
+from sweeps.output import extra_hint, init_warp, note, quiet_stdout, say, write_atomic
 from sweeps.spec.errors import StoreError, choose
 from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
@@ -30,13 +29,13 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
     with quiet_stdout():
         init_warp()
         for name in only or CHECKS:
-            print(f"{name} ...", file=sys.stderr, flush=True)
+            note(f"{name} ...")
             try:
                 rows += _compare(name, poses, workers)()
             except (MissingEngine, ModuleNotFoundError) as error:
                 missing = True
-                print(f"{name}: left out: {error}; `make validate` installs what it needs, "
-                      f"or {extra_hint('validate')}", file=sys.stderr)
+                say(f"{name}: left out: {error}; `make validate` installs what it needs, "
+                    f"or {extra_hint('validate')}")
     if out is not None:
         try:
             out.mkdir(parents=True, exist_ok=True)
@@ -46,7 +45,8 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
     print_table(HEADER, [row.cells() for row in rows], as_json)
     broken = [row for row in rows if not row.ok]
-    print(f"{len(rows)} comparisons, {len(broken)} beyond their bound", file=sys.stderr)
+    (say if broken else note)(
+        f"{len(rows)} comparisons, {len(broken)} beyond their bound")
     return 1 if broken or missing else 0
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import init_warp, note, quiet_stdout, why_unwritable, write_atomic
+from sweeps.output import init_warp, note, quiet_stdout, say, why_unwritable, write_atomic
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from sweeps.text_table import print_table
@@ -95,7 +95,7 @@ def _learned(
     contents = taught(lessons, every)
     left_out = set(objects) - set(contents)
     for name in sorted(left_out):
-        note(f"{name}: no body was recovered in any episode; it is left out")
+        say(f"{name}: no body was recovered in any episode; it is left out")
     if not contents:
         raise StoreError("no object can be learned; nothing was written")
     try:
