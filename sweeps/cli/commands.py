@@ -13,6 +13,7 @@ from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
 from sweeps.race.race_note import end_race_note, race_state
+from sweeps.result_file import check_result, write_result
 from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -27,6 +28,7 @@ from sweeps.spec.search import refuse_search
 from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import counted, on_one_line
 
+RANKED = "leaderboard.csv"
 # Columns that fit a terminal, after the means and their intervals; the file has them all.
 SHOWN = ("p_best", "iou", "recognized", "touches",
          "robot_time_s", "failure_rate", "n_objects", "n_episodes")
@@ -73,7 +75,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
                 note(f"running {counted(damaged, 'damaged unit')} again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
                 board = make_leaderboard(first, [store])
-            write_atomic(folder / "leaderboard.csv", board.csv())
+            write_atomic(folder / RANKED, board.csv())
             _show(board, as_json)
     if shard[1] > 1:
         note(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
@@ -193,14 +195,12 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 
     `over` chooses the interval that is printed; the file has both.
     """
+    check_result(out, RANKED)
     plan, stores = open_sweep(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
     board = make_leaderboard(plan, stores, metric, names)
     if out is not None:
-        try:
-            write_atomic(out, board.csv())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+        write_result(out, board.csv(), RANKED)
     _show(board, as_json, over)
     for line in damaged_notes(stores):
         note(line)

@@ -32,15 +32,13 @@ def init(spec: Path, /, *, force: Force = False) -> int:
     force
         Overwrite an existing file.
     """
-    from sweeps.output import note, write_atomic
-    from sweeps.spec.errors import StoreError
+    from sweeps.output import note
+    from sweeps.result_file import check_result, write_result
     from sweeps.spec.template import spec_template
 
+    check_result(spec)
     refuse_existing(spec, force)
-    try:
-        write_atomic(spec, spec_template().encode())
-    except OSError as error:
-        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
+    write_result(spec, spec_template().encode())
     note(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost")
     return 0
 

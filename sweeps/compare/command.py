@@ -8,7 +8,8 @@ from sweeps.analysis.entries import check_metric, digits_of
 from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
-from sweeps.output import note, write_atomic
+from sweeps.output import note
+from sweeps.result_file import check_result, write_result
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store, open_study
@@ -31,6 +32,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
     """
     if metric is not None:
         check_metric(metric)
+    check_result(out)
     sides = [_read(path) for path in (one, other)]
     (plan, mine), (later, theirs) = sides
     changed = changes(plan, later)
@@ -57,10 +59,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
                          f"of {metric}; `warpgrasp status` says how far each is")
     made = shift_table(shared, shift, metric)
     if out is not None:
-        try:
-            write_atomic(out, made.csv())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+        write_result(out, made.csv())
     if as_json:
         print_json({"changes": changed, "shared": _shared_record(shared, shift),
                     "table": made.records(), "notes": made.notes})

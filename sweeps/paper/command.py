@@ -13,7 +13,7 @@ from sweeps.paper.faces import FACES_HEADER, Case, explore_faces, face_rows
 from sweeps.paper.page import Run, page
 from sweeps.paper.recovery import RECOVERY_HEADER, recover_objects, recovery_rows
 from sweeps.paper.stereo import STEREO_HEADER, see_objects, stereo_rows
-from sweeps.spec.errors import StoreError
+from sweeps.result_file import make_folder
 from sweeps.text_table import TextTable
 
 
@@ -31,10 +31,7 @@ class Sizes:
 def paper(folder: Path, sizes: Sizes | None = None) -> int:
     """Runs the experiments; writes tables, figures and `paper.md` into `folder`."""
     sizes = sizes or Sizes()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{folder}: cannot be written: {error.strerror}") from None
+    make_folder(folder)
     chosen = list(sizes.cases) if sizes.cases is not None else None
     with ProcessPoolExecutor(2, get_context("spawn"), initializer=_use_one_thread) as pool:
         recovery = pool.submit(recover_objects, sizes.episodes)

@@ -17,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
 from sweeps.figures.replay_frames import Replay, replay_of, segment_pose
-from sweeps.output import extra_hint, why_unwritable, write_atomic
+from sweeps.output import extra_hint
+from sweeps.result_file import check_result, write_result
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
 
@@ -33,8 +34,7 @@ def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, bod
          episode: int, live: bool, port: int, device: str) -> int:
     """Runs an episode of a study again and replays it, in a file or live until Ctrl-C."""
     check_viser()
-    if out is not None and (wrong := why_unwritable(out)):
-        raise StoreError(wrong)
+    check_result(out)
     plan, stores = open_study(folders)
     chosen = choose_episode(plan, stores, strategy, body, episode)
     replay = in_a_worker(replay_of, (cell_of(plan, chosen), chosen.episode, device))
@@ -66,10 +66,7 @@ def write_replay(replay: Replay, out: Path) -> None:
         content = serializer.as_html(dark_mode=False).encode()
     finally:
         _silently(server.stop)
-    try:
-        write_atomic(out, content)
-    except OSError as error:
-        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    write_result(out, content)
 
 
 def _play(replay: Replay, port: int) -> None:

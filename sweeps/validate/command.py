@@ -7,7 +7,8 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from sweeps.output import extra_hint, init_warp, note, quiet_stdout, say, write_atomic
+from sweeps.output import extra_hint, init_warp, note, quiet_stdout, say
+from sweeps.result_file import make_folder, write_result
 from sweeps.spec.errors import StoreError, choose
 from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
@@ -24,6 +25,8 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
     for name in only:
         if name not in CHECKS:
             raise StoreError(f"--only: no check {name!r}; {choose(name, CHECKS)}")
+    if out is not None:
+        make_folder(out)
     rows: list[Comparison] = []
     missing = False
     with quiet_stdout():
@@ -37,12 +40,8 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
                 say(f"{name}: left out: {error}; `make validate` installs what it needs, "
                     f"or {extra_hint('validate')}")
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            write_atomic(out / "validate.csv", csv_of(rows))
-            write_atomic(out / "validate.md", markdown_of(rows))
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+        write_result(out / "validate.csv", csv_of(rows))
+        write_result(out / "validate.md", markdown_of(rows))
     print_table(HEADER, [row.cells() for row in rows], as_json)
     broken = [row for row in rows if not row.ok]
     (say if broken else note)(

@@ -25,7 +25,8 @@ from fit.points_csv import (
     superquadric_rows,
 )
 from fit.superquadric.record import SuperquadricFit
-from sweeps.output import note, why_unwritable, write_atomic
+from sweeps.output import note
+from sweeps.result_file import why_unwritable, write_result
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.plain_text import counted
 
@@ -77,10 +78,7 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
 
         files[figure] = draw_fits(sets, found, figure.suffix[1:])
     for path, content in files.items():
-        try:
-            write_atomic(path, content)
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_result(path, content)
         print(path)
     became, count = Counter(status_names(found.status)), len(sets.names)
     note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
