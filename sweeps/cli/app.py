@@ -63,6 +63,15 @@ def count_of(value: int, name: str) -> int:
     return value
 
 
+def cores_of(workers: int | None, engine: str, address: str | None) -> int:
+    """Worker processes: 1 if not given; a cluster that is named has cores of its own."""
+    if address is not None and engine != "ray":
+        raise UsageError("--address: is for --engine ray")
+    if workers is not None and address is not None:
+        raise UsageError("--workers: is of this machine; leave it or --address, of a cluster, out")
+    return count_of(1 if workers is None else workers, "--workers")
+
+
 def timeout_of(value: float) -> float:
     """Seconds that a unit may take."""
     if not 1 <= value <= 1e9:

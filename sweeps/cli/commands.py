@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from sweeps.analysis.bootstrap import population
@@ -224,22 +225,28 @@ def sensitivity(
         sensitivity_table,
     )
 
-    Store(folder).refuse_other_files()
+    store = Store(folder)
+    store.refuse_other_files()
+    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
+    with TemporaryDirectory() as place:  # nothing is written to a directory that is refused
+        file = spec or Path(place) / "sensitivity.toml"
+        content = sensitivity_spec(episodes=episodes or EPISODES_PER_CELL).encode()
+        if spec is None:
+            file.write_bytes(content)
+        plan = plan_study(read_spec(file, settings))
+    check_study(plan, file)
+    store.refuse_other_study(plan)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = spec
-        if file is None:
-            file = folder / "sensitivity.toml"
-            write_atomic(file, sensitivity_spec(episodes=episodes or EPISODES_PER_CELL).encode())
+        if spec is None:
+            file = folder / file.name
+            write_atomic(file, content)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
-    plan = plan_study(read_spec(file, settings))
-    check_study(plan, file)
     with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would hide the table
         code = sweep(file, folder, workers=workers, shard=(1, 1), device="cpu", settings=settings,
                      as_json=False)
-    rows, notes = sensitivity_table(plan, Store(folder))
+    rows, notes = sensitivity_table(plan, store)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())

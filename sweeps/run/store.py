@@ -93,7 +93,14 @@ class Store:
         return StoreError(
             f"{error.filename or self.folder}: cannot be written: {error.strerror}")
 
+    def refuse_other_study(self, plan: Plan) -> None:
+        """Raises OtherStudy where the directory has a study that `plan` does not extend."""
+        old = self.resolved() if (self.folder / "resolved.json").exists() else None
+        if old and old["hash"] != plan.hash and not extends(old["study"], plan.resolved):
+            raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
+
     def _claim(self, plan: Plan) -> list[str]:
+        self.refuse_other_study(plan)
         file = self.folder / "resolved.json"
         notes = []
         earlier: set[int] = set()  # episodes of a cell before the study grew
@@ -107,8 +114,6 @@ class Store:
                 if content["keep"] == old.get("keep", "nothing"):
                     return []
                 content = {**old, "keep": content["keep"]}  # in the order of its first spec
-            elif not extends(old["study"], plan.resolved):
-                raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
             else:
                 notes += ["the study has grown; what is there of it is kept"]
             earlier = {*old.get("earlier", ()), old["study"]["episodes_per_cell"]}

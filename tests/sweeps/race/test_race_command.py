@@ -204,6 +204,15 @@ def test_swept_nuisances_are_averaged_over(tmp_path: Path) -> None:
     assert len(units.units([(0, 0, 8)])) == 12
 
 
+def test_a_race_is_watched_by_its_own_score(whole: tuple[Path, str],
+                                            capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["watch", str(whole[0]), "--terminal"]
+    assert cli.run([*words, "--metric", "iou"]) == 2
+    assert "--metric: is of a sweep, and " in capsys.readouterr().err
+    assert cli.run(words) == 0
+    assert "within 0.3 mm of the best of 6" in capsys.readouterr().out
+
+
 def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spec = write_spec(tmp_path, SPEC)
     assert race(spec, tmp_path / "out", "--cap", "20", within="5") == 0
