@@ -34,7 +34,10 @@ def folders_and_kind(words: Sequence[str | Path], kinds: Iterable[str]) -> tuple
 
     kind = str(words[-1])
     if kind not in kinds:
-        raise UsageError(f"KIND: is {kind!r}; {choose(kind, kinds)}")
+        early = next((str(word) for word in words if str(word) in kinds), None)
+        raise UsageError(f"KIND: is {kind!r}; " + (
+            f"{early} should stand last, after the directories" if early
+            else choose(kind, kinds)))
     if len(words) < 2:
         raise UsageError("DIR: is missing; name the directory of a study before the kind")
     return [Path(word) for word in words[:-1]], kind

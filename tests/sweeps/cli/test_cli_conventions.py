@@ -184,6 +184,8 @@ def test_importing_is_quick() -> None:
 
 
 @pytest.mark.parametrize(("words", "says"), [
+    (["table", "pairs", "x"], "KIND: is 'x'; pairs should stand last, after the directories"),
+    (["table", "x", "pears"], "KIND: is 'pears'; did you mean pairs?"),
     (["swep", "x.toml"], "no command 'swep'; did you mean sweep? there are: "),
     (["--workers", "2"], "no command '--workers'; there are: "),
     (["sweep", "x.toml", "-o", "out", "--workers"], "--workers: is given without a value; see "),
