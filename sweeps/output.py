@@ -90,21 +90,6 @@ def write_atomic(path: Path, content: bytes) -> None:
         stream.write(content)
 
 
-def why_unwritable(path: Path) -> str:
-    """Why no file can be written there, as far as that is known beforehand; else empty."""
-    if not path.parent.is_dir():
-        return f"{path}: cannot be written: there is no folder {path.parent}"
-    if path.is_dir():
-        return f"{path}: cannot be written: it is a folder"
-    probe = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
-    try:  # a disk may be read-only, a name too long
-        probe.touch(exist_ok=False)
-        probe.unlink()
-    except OSError as error:
-        return f"{path}: cannot be written: {error.strerror}"
-    return ""
-
-
 @contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
     """A temporary file to write to; it becomes `path` at the end, and is removed on an error."""

@@ -26,9 +26,9 @@ FLOORS = {
     "strategies": ["poses", "strategy", "ready_made", "procedures", "contacts", "recovery",
                    "recognition", "foresight", "planners", "reconstruct",
                    "exploration_record", "exploration"],
-    "sweeps": ["output", "file_lock", "text_table", "spec", "episode", "run", "analysis", "compare",
-               "figures", "race", "report", "watch", "gym", "paper", "validate", "bench", "cli",
-               "__main__"],
+    "sweeps": ["output", "file_lock", "text_table", "spec", "result_file", "episode", "run",
+               "analysis", "compare", "figures", "race", "report", "watch", "gym", "paper",
+               "validate", "bench", "cli", "__main__"],
 }
 """The rooms and files of each package; one may import those before it, in its package."""
 BELOW = {"warpgrasp": set(), "fit": set(), "strategies": {"warpgrasp", "fit"},

@@ -18,11 +18,11 @@ from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import columns_of, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
-from sweeps.output import note, write_atomic
+from sweeps.output import note
+from sweeps.result_file import check_result, write_result
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store, damaged_notes
-from sweeps.spec.errors import StoreError
 from sweeps.text_table import TextTable, print_table
 
 
@@ -71,13 +71,11 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
           against: str | None, over: str | None, as_json: bool) -> int:
     """Prints one of the tables, and writes it as CSV."""
     check_metric(metric)
+    check_result(out)
     plan, stores = open_sweep(folders)
     made = KINDS[kind][0](Asked(plan, stores, metric, against, over))
     if out is not None:
-        try:
-            write_atomic(out, made.csv())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+        write_result(out, made.csv())
     print_table(made.header, made.rows, as_json)
     for line in (*made.notes, *damaged_notes(stores)):
         note(line)

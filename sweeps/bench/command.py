@@ -16,6 +16,7 @@ from strategies.ready_made import STRATEGIES
 from sweeps.bench.bench_table import markdown
 from sweeps.bench.whole_study import studies
 from sweeps.output import write_atomic
+from sweeps.result_file import make_folder
 from sweeps.run.environment import describe_environment
 from sweeps.run.worker import ENVIRONMENT
 from sweeps.spec.errors import StoreError, choose
@@ -105,11 +106,11 @@ def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = (),
                 "" if name not in known else
                 " with --quick or without --peers" if device == "cpu" else f" on {device}")
                 + ("" if name in known else f"; {choose(name, names)}"))
+    make_folder(out)
     head = {**describe_environment(device), "when": datetime.now(UTC).isoformat(timespec="seconds"),
             "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]
     _say(lines[0])
-    out.mkdir(parents=True, exist_ok=True)
     for line in (_measured(quick, peers, only) if device == "cpu" else
                  _on_both(quick, only, device)):
         lines.append(line)

@@ -15,7 +15,7 @@ def _version() -> str:
 
 
 app = App(name="warpgrasp", help="Batched simulation of robots that learn shape by touch. "
-          "Every command takes --quiet: no progress and no notes.",
+          "Every command takes --quiet: no progress and no notes, only errors.",
           version=_version, version_flags=["--version"], help_format="plaintext",
           suppress_keyboard_interrupt=False)
 Folders = Annotated[list[Path], Parameter(name="DIR...")]
@@ -34,7 +34,10 @@ def folders_and_kind(words: Sequence[str | Path], kinds: Iterable[str]) -> tuple
 
     kind = str(words[-1])
     if kind not in kinds:
-        raise UsageError(f"KIND: is {kind!r}; {choose(kind, kinds)}")
+        early = next((str(word) for word in words if str(word) in kinds), None)
+        raise UsageError(f"KIND: is {kind!r}; " + (
+            f"{early} should stand last, after the directories" if early
+            else choose(kind, kinds)))
     if len(words) < 2:
         raise UsageError("DIR: is missing; name the directory of a study before the kind")
     return [Path(word) for word in words[:-1]], kind
@@ -61,6 +64,15 @@ def count_of(value: int, name: str) -> int:
     if not 1 <= value <= 4096:
         raise UsageError(f"{name}: is {value}; should be a whole number from 1 to 4096")
     return value
+
+
+def cores_of(workers: int | None, engine: str, address: str | None) -> int:
+    """Worker processes: 1 if not given; a cluster that is named has cores of its own."""
+    if address is not None and engine != "ray":
+        raise UsageError("--address: is for --engine ray")
+    if workers is not None and address is not None:
+        raise UsageError("--workers: is of this machine; leave it or --address, of a cluster, out")
+    return count_of(1 if workers is None else workers, "--workers")
 
 
 def timeout_of(value: float) -> float:

@@ -57,21 +57,19 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     force
         Overwrite an existing file.
     """
-    from sweeps.output import note, quiet_stdout, write_atomic
-    from sweeps.spec.errors import StoreError
+    from sweeps.output import note, quiet_stdout
+    from sweeps.result_file import check_result, write_result
     from warpgrasp.arms.arm_file import arm_text
     from warpgrasp.arms.urdf_arm import arm_from_urdf
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
+    check_result(out)
     refuse_existing(out, force)
     with quiet_stdout():
         model, notes = arm_from_urdf(urdf, flange=flange)
         for line in notes:
             note(line)
-        try:
-            write_atomic(out, arm_text(model).encode())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+        write_result(out, arm_text(model).encode())
     print(out)
     return 0

@@ -2,11 +2,11 @@
 
 import csv
 import io
-import json
 from collections.abc import Sequence
 from contextlib import redirect_stdout
 from pathlib import Path
 from shlex import quote
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from sweeps.analysis.bootstrap import population
@@ -14,6 +14,7 @@ from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
 from sweeps.race.race_note import end_race_note, race_state
+from sweeps.result_file import check_result, write_result
 from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -25,9 +26,10 @@ from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
-from sweeps.text_table import print_table
+from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import counted, on_one_line
 
+RANKED = "leaderboard.csv"
 # Columns that fit a terminal, after the means and their intervals; the file has them all.
 SHOWN = ("p_best", "iou", "recognized", "touches",
          "robot_time_s", "failure_rate", "n_objects", "n_episodes")
@@ -74,12 +76,12 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
                 note(f"running {counted(damaged, 'damaged unit')} again; see {store.logs}")
                 outcome = _run(plan, store, options, engine, address)
                 board = make_leaderboard(first, [store])
-            write_atomic(folder / "leaderboard.csv", board.csv())
+            write_atomic(folder / RANKED, board.csv())
             _show(board, as_json)
     if shard[1] > 1:
         note(f"shard {shard[0]} of {shard[1]} is done; `warpgrasp leaderboard` merges directories")
     if outcome.failed:
-        note(f"{counted(outcome.failed, 'unit')} failed; see {store.logs}/*.failed.log")
+        say(f"{counted(outcome.failed, 'unit')} failed; see {store.logs}/*.failed.log")
     if outcome.lost:
         say(f"{counted(outcome.lost, 'unit')} lost: run, and no file is there; run the sweep again")
     return SOME_FAILED if outcome.failed or outcome.lost else DONE
@@ -110,8 +112,8 @@ def _sweep_until(spec: Path, folder: Path, within: float, options: Options,
     found = sweep_until(spec, folder, within=within, options=options, settings=settings,
                         engine=engine, address=address)
     if as_json:
-        rows = [dict(zip(found.board.header, row, strict=True)) for row in found.board.rows]
-        print(json.dumps({**found.lines, "within": found.within, "table": rows}, indent=1))
+        print_json({**json_record(found.lines), "within": finite_or_none(found.within),
+                    "table": found.board.records()})
     else:
         width = max(map(len, found.lines))
         for name, text in found.lines.items():
@@ -150,7 +152,7 @@ def status(folder: Path, *, as_json: bool) -> int:
         "other_files": other,
     }
     if as_json:
-        print(json.dumps(found, indent=1))
+        print_json(found)
     else:
         for name, value in found.items():
             text = ", ".join(value) if isinstance(value, list) else value
@@ -194,14 +196,12 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 
     `over` chooses the interval that is printed; the file has both.
     """
+    check_result(out, RANKED)
     plan, stores = open_sweep(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
     board = make_leaderboard(plan, stores, metric, names)
     if out is not None:
-        try:
-            write_atomic(out, board.csv())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+        write_result(out, board.csv(), RANKED)
     _show(board, as_json, over)
     for line in damaged_notes(stores):
         note(line)
@@ -225,22 +225,28 @@ def sensitivity(
         sensitivity_table,
     )
 
-    Store(folder).refuse_other_files()
+    store = Store(folder)
+    store.refuse_other_files()
+    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
+    with TemporaryDirectory() as place:  # nothing is written to a directory that is refused
+        file = spec or Path(place) / "sensitivity.toml"
+        content = sensitivity_spec(episodes=episodes or EPISODES_PER_CELL).encode()
+        if spec is None:
+            file.write_bytes(content)
+        plan = plan_study(read_spec(file, settings))
+    check_study(plan, file)
+    store.refuse_other_study(plan)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        file = spec
-        if file is None:
-            file = folder / "sensitivity.toml"
-            write_atomic(file, sensitivity_spec(episodes=episodes or EPISODES_PER_CELL).encode())
+        if spec is None:
+            file = folder / file.name
+            write_atomic(file, content)
     except OSError as error:
         raise StoreError(f"{folder}: cannot be written: {error.strerror or error}") from None
-    settings = [] if episodes is None else [f"episodes_per_cell={episodes}"]
-    plan = plan_study(read_spec(file, settings))
-    check_study(plan, file)
     with redirect_stdout(io.StringIO()):  # a leaderboard of every setting would hide the table
         code = sweep(file, folder, workers=workers, shard=(1, 1), device="cpu", settings=settings,
                      as_json=False)
-    rows, notes = sensitivity_table(plan, Store(folder))
+    rows, notes = sensitivity_table(plan, store)
     text = io.StringIO()
     csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
@@ -251,7 +257,7 @@ def sensitivity(
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     print_table(HEADER, rows, as_json)
     for line in notes:
-        say(line)
+        note(line)
     return code
 
 

@@ -82,6 +82,7 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
               reconstruct: str | None, device: str, rest: dict[str, Any]) -> list[Path]:
     """Runs the episode with the arguments' objects, strategy and word; files come back."""
     from sweeps.output import init_warp, quiet_stdout
+    from sweeps.result_file import make_folder
     from sweeps.spec.errors import StoreError
     from sweeps.spec.objects import object_of_argument
 
@@ -98,10 +99,10 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         from sweeps.cli.warmup import compile_explored
         from sweeps.report.episode_files import explore as explore_object
 
-        compile_explored(chosen, device, bends=word == "chosen")
         out = rest["out"]
+        make_folder(out)
+        compile_explored(chosen, device, bends=word == "chosen")
         try:
-            out.mkdir(parents=True, exist_ok=True)
             return explore_object(body_table=table, strategy=chosen, reconstruct=word, **rest)
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None

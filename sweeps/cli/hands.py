@@ -61,9 +61,9 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Overwrite existing files (a picture of a TOML is drawn anew without it).
     """
     from sweeps.figures.style import encode
-    from sweeps.output import note, quiet_stdout, write_atomic
+    from sweeps.output import note, quiet_stdout
     from sweeps.report.hand_picture import hand_picture
-    from sweeps.spec.errors import StoreError
+    from sweeps.result_file import check_result, write_result
     from warpgrasp.hands.capsule_fit import skin_notes
     from warpgrasp.hands.hand_file import hand_from_file
     from warpgrasp.hands.hand_writer import hand_text
@@ -78,6 +78,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
                              "should be changed in that file")
     if not is_hand:
         for path in (out, out.with_suffix(".png")):
+            check_result(path)
             refuse_existing(path, force)
     with quiet_stdout():
         if is_hand:
@@ -93,10 +94,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         picture = out.with_suffix(".png")
         files = {} if text is None else {out: text.encode()}
         for path, content in (files | {picture: encode(hand_picture(model), "png")}).items():
-            try:
-                write_atomic(path, content)
-            except OSError as error:
-                raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+            write_result(path, content)
     for path in (*files, picture):
         print(path)
     return 0

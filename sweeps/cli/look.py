@@ -92,8 +92,10 @@ def rows(folders: Folders, /, *,
         raise UsageError("rows: --contacts and --curves are two tables; ask for one at a time")
     from sweeps.analysis.arrow import write_rows
     from sweeps.output import note
+    from sweeps.result_file import check_result
     from sweeps.spec.errors import StoreError
 
+    check_result(out)
     what = "contacts" if contacts else "curves" if curves else "episodes"
     try:
         count, notes = write_rows(folders, out, what)

@@ -5,7 +5,12 @@ import gc
 import os
 import sys
 
-from cyclopts import CycloptsError, MissingArgumentError, UnusedCliTokensError
+from cyclopts import (
+    CycloptsError,
+    MissingArgumentError,
+    UnknownCommandError,
+    UnusedCliTokensError,
+)
 
 from sweeps.cli import (
     arms,
@@ -56,19 +61,8 @@ def run(arguments: list[str]) -> int:
     try:
         code = app(arguments or ["--help"], exit_on_error=False, print_error=False,
                    result_action="return_value")
-    except UnusedCliTokensError as error:
-        unused = error.unused_tokens or []
-        after = any(word.startswith("-") for word in arguments[:arguments.index(unused[0])]
-                    ) if unused and unused[0] in arguments else False
-        advice = ("an option that takes several values is repeated, as in --tip A --tip B; "
-                  if after else "")
-        return _refuse(f"warpgrasp: {', '.join(unused)}: there is no place for it; {advice}see "
-                       "warpgrasp --help")
-    except MissingArgumentError as error:
-        name = error.argument.name if error.argument else "an argument"
-        return _refuse(f"warpgrasp: {name}: is missing; see warpgrasp {arguments[0]} --help")
     except CycloptsError as error:
-        return _refuse(f"warpgrasp: {str(error).rstrip('.')}; see warpgrasp --help")
+        return _refuse(f"warpgrasp: {_wrong_usage(error, arguments)}")
     except UsageError as error:
         return _refuse(f"warpgrasp: {error}")
     except KeyboardInterrupt:
@@ -81,6 +75,30 @@ def run(arguments: list[str]) -> int:
     except Exception as error:
         return _explain(error)
     return code if isinstance(code, int) else 0
+
+
+def _wrong_usage(error: CycloptsError, arguments: list[str]) -> str:
+    """What is wrong with the arguments, and where to read what would be right."""
+    if isinstance(error, UnusedCliTokensError):
+        unused = error.unused_tokens or []
+        after = any(word.startswith("-") for word in arguments[:arguments.index(unused[0])]
+                    ) if unused and unused[0] in arguments else False
+        advice = ("an option that takes several values is repeated, as in --tip A --tip B; "
+                  if after else "")
+        return f"{', '.join(unused)}: there is no place for it; {advice}see warpgrasp --help"
+    if isinstance(error, MissingArgumentError):
+        help_text = f"see warpgrasp {arguments[0]} --help"
+        if error.keyword:
+            return f"{error.keyword}: is given without a value; {help_text}"
+        name = error.argument.name if error.argument else "an argument"
+        return f"{name}: is missing; {help_text}"
+    if isinstance(error, UnknownCommandError):
+        from sweeps.spec.errors import choose
+
+        name = (error.unused_tokens or arguments)[0]
+        commands = [name for name in app if not name.startswith("-")]
+        return f"no command {name!r}; {choose(name, commands)}; see warpgrasp --help"
+    return f"{str(error).rstrip('.')}; see warpgrasp --help"
 
 
 def _explain(error: Exception) -> int:

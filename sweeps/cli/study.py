@@ -1,7 +1,5 @@
 """The commands that run a study and rank it."""
 
-import sys
-from json import dumps
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Literal
@@ -15,7 +13,7 @@ from sweeps.cli.app import (
     Settings,
     UsageError,
     app,
-    count_of,
+    cores_of,
     device_of,
     refuse_existing,
     shard_of,
@@ -34,17 +32,14 @@ def init(spec: Path, /, *, force: Force = False) -> int:
     force
         Overwrite an existing file.
     """
-    from sweeps.output import write_atomic
-    from sweeps.spec.errors import StoreError
+    from sweeps.output import note
+    from sweeps.result_file import check_result, write_result
     from sweeps.spec.template import spec_template
 
+    check_result(spec)
     refuse_existing(spec, force)
-    try:
-        write_atomic(spec, spec_template().encode())
-    except OSError as error:
-        raise StoreError(f"{spec}: cannot be written: {error.strerror}") from None
-    print(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost",
-          file=sys.stderr)
+    write_result(spec, spec_template().encode())
+    note(f"{spec}: written; `warpgrasp check {quote(str(spec))}` shows its size and cost")
     return 0
 
 
@@ -71,6 +66,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     from sweeps.run.false_contacts import false_contact_warnings
     from sweeps.run.plan import plan_study, same_bodies
     from sweeps.spec.reader import read_spec
+    from sweeps.text_table import json_record, print_json
     from warpgrasp.core.plain_text import on_one_line
 
     if metric is not None and pilot is None:
@@ -91,7 +87,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
 
         rows |= dict([power_row(plan, pilot, metric or "chamfer_mm")])
     if json:
-        print(dumps(rows, indent=1))
+        print_json(json_record(rows))
     else:
         width = max(map(len, rows))
         for name, value in rows.items():
@@ -101,8 +97,8 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
 
 @app.command
 def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
-          until: float | None = None, workers: int = 1, shard: str = "1/1", device: str = "cpu",
-          set_: Settings = None, engine: Literal["local", "ray"] = "local",
+          until: float | None = None, workers: int | None = None, shard: str = "1/1",
+          device: str = "cpu", set_: Settings = None, engine: Literal["local", "ray"] = "local",
           address: str | None = None, unit_timeout_s: float = 3600.0,
           verify: Annotated[bool, Parameter(negative="")] = False,
           reuse: Annotated[list[Path] | None, Parameter(negative="")] = None,
@@ -119,7 +115,7 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
         Millimetres of chamfer_mm: go on with more episodes of every entry until the best is known
         within so much (95 %); `race` answers the same with fewer, for it drops entries.
     workers
-        Cores to use, one process each.
+        Cores to use, one process each; 1 if not given.
     shard
         I/N: only every N-th unit, for several machines; `leaderboard` merges them.
     device
@@ -144,8 +140,7 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
     """
     from sweeps.cli import commands
 
-    if address is not None and engine != "ray":
-        raise UsageError("--address: is for --engine ray")
+    cores = cores_of(workers, engine, address)
     if until is not None and not 0.0 < until < 1e9:
         raise UsageError(f"--until: is {until:g}; should be a number between 0 and 1e9")
     if until is not None and shard != "1/1":
@@ -153,7 +148,7 @@ def sweep(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])
                          "use --engine ray for several machines")
     if until is not None and reuse:
         raise UsageError("--until: takes no --reuse; sweep the spec with --reuse first")
-    return commands.sweep(spec, out, workers=count_of(workers, "--workers"), shard=shard_of(shard),
+    return commands.sweep(spec, out, workers=cores, shard=shard_of(shard),
                           device=device_of(device, here=engine == "local"),
                           settings=set_ or [], engine=engine,
                           address=address, unit_timeout_s=timeout_of(unit_timeout_s), verify=verify,
@@ -165,7 +160,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
          confidence: float = 95.0, budget_episodes: int | None = None,
          budget_minutes: float | None = None, metric: str = "chamfer_mm",
          over: Literal["these", "like-these"] = "these", start: int = 8,
-         cap: float | None = None, workers: int = 1, device: str = "cpu",
+         cap: float | None = None, workers: int | None = None, device: str = "cpu",
          set_: Settings = None, engine: Literal["local", "ray"] = "local",
          address: str | None = None, unit_timeout_s: float = 3600.0,
          shard: str = "1/1", json: Json = False) -> int:
@@ -195,7 +190,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         A score above this counts as this much; the outcome then holds whatever the scores'
         distribution, and takes more episodes.
     workers
-        Cores to use, one process each.
+        Cores to use, one process each; 1 if not given.
     device
         cpu, or cuda:0.
     set_
@@ -216,8 +211,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     from sweeps.run.local_engine import Options
     from sweeps.run.worker import EPISODES
 
-    if address is not None and engine != "ray":
-        raise UsageError("--address: is for --engine ray")
+    cores = cores_of(workers, engine, address)
     for name, value, low, high in (
             ("--within", within, 0.0, 1e9),
             ("--budget-minutes", 1.0 if budget_minutes is None else budget_minutes, 0.0, 1e9),
@@ -233,7 +227,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     if budget_episodes is not None and budget_episodes < 1:
         raise UsageError(f"--budget-episodes: is {budget_episodes}; should be a whole number "
                          "from 1 on")
-    options = Options(count_of(workers, "--workers"), shard_of(shard),
+    options = Options(cores, shard_of(shard),
                       device_of(device, here=engine == "local"), EPISODES,
                       timeout_of(unit_timeout_s))
     return run_race(spec, out, rules=rules_of(within, confidence, start, cap, metric),
@@ -243,7 +237,7 @@ def race(spec: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
 
 
 @app.command
-def watch(folder: Path, /, *, port: int | None = None, metric: str = "chamfer_mm",
+def watch(folder: Path, /, *, port: int | None = None, metric: str | None = None,
           terminal: Annotated[bool, Parameter(negative="")] = False,
           open_: Annotated[bool, Parameter(name="--open", negative="")] = False) -> int:
     """Watch a sweep or a race, also while it runs: a page on this machine, or text.
@@ -255,7 +249,7 @@ def watch(folder: Path, /, *, port: int | None = None, metric: str = "chamfer_mm
     port
         Of the page, on 127.0.0.1; by default a free one. Its address is printed.
     metric
-        Of a sweep's leaderboard; a race has its own.
+        Of a sweep's leaderboard, chamfer_mm if not given; a race has its own.
     terminal
         Print it instead; on a terminal again and again until the run ends.
     open_
@@ -267,13 +261,16 @@ def watch(folder: Path, /, *, port: int | None = None, metric: str = "chamfer_mm
     port = port or 0
     if not 0 <= port <= 65535:
         raise UsageError(f"--port: is {port}; should be a whole number from 0 to 65535")
+    from sweeps.watch.view import watched_metric
+
+    shown = watched_metric(folder, metric)
     if terminal:
         from sweeps.watch.terminal import watch_in_terminal
 
-        return watch_in_terminal(folder, metric=metric)
+        return watch_in_terminal(folder, metric=shown)
     from sweeps.watch.server import watch as serve
 
-    return serve(folder, port=port, metric=metric, opens=open_)
+    return serve(folder, port=port, metric=shown, opens=open_)
 
 
 @app.command

@@ -1,6 +1,5 @@
 """`warpgrasp compare A B`: what changed in the specs, and paired differences of what is shared."""
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,13 +8,14 @@ from sweeps.analysis.entries import check_metric, digits_of
 from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
-from sweeps.output import note, write_atomic
+from sweeps.output import note
+from sweeps.result_file import check_result, write_result
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store, open_study
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec
-from sweeps.text_table import TextTable, number_text, print_table
+from sweeps.text_table import TextTable, number_text, print_json, print_table
 from warpgrasp.core.plain_text import on_one_line
 
 LISTED = 50
@@ -32,6 +32,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
     """
     if metric is not None:
         check_metric(metric)
+    check_result(out)
     sides = [_read(path) for path in (one, other)]
     (plan, mine), (later, theirs) = sides
     changed = changes(plan, later)
@@ -41,7 +42,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
                 raise StoreError(f"{name}: is of a table, which needs two studies; A and B should "
                                  "be directories")
         if as_json:
-            print(json.dumps({"changes": changed}, indent=1))
+            print_json({"changes": changed})
         else:
             _print_changes(changed)
         return 0
@@ -58,14 +59,10 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
                          f"of {metric}; `warpgrasp status` says how far each is")
     made = shift_table(shared, shift, metric)
     if out is not None:
-        try:
-            write_atomic(out, made.csv())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+        write_result(out, made.csv())
     if as_json:
-        rows = [dict(zip(made.header, row, strict=True)) for row in made.rows]
-        print(json.dumps({"changes": changed, "shared": _shared_record(shared, shift),
-                          "table": rows, "notes": made.notes}, indent=1))
+        print_json({"changes": changed, "shared": _shared_record(shared, shift),
+                    "table": made.records(), "notes": made.notes})
         return 0
     print(_shared_text(shared, shift), end="\n\n")
     print_table(made.header, made.rows, False)

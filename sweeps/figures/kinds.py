@@ -20,11 +20,11 @@ from sweeps.figures.forest import draw_forest
 from sweeps.figures.heat_maps import draw_confusion, draw_settings
 from sweeps.figures.pareto import draw_pareto
 from sweeps.figures.style import encode
-from sweeps.output import note, say, write_atomic
+from sweeps.output import note
+from sweeps.result_file import check_result, write_result
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store, open_study
-from sweeps.spec.errors import StoreError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -130,15 +130,13 @@ def figure(folders: Sequence[Path], kind: str, out: Path, *, metric: str, strate
     """Draws one figure into a file, whose ending names the format; contacts as numbers where that
     is .csv."""
     check_metric(metric)
+    check_result(out)
     plan, stores = (open_study if kind in OF_EPISODE else open_sweep)(folders)
     asked = Asked(plan, stores, metric, strategy, object_, episode, over)
     if kind == "contacts" and out.suffix.lower() == ".csv":
         content = contacts_of_episode(asked)
     else:
         content = encode(KINDS[kind](asked), out.suffix.removeprefix("."))
-    try:
-        write_atomic(out, content)
-    except OSError as error:
-        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
-    say(str(out))
+    write_result(out, content)
+    print(out)
     return 0

@@ -1,6 +1,5 @@
 """The command `paper`: experiments of Allen and Michelman (1990) beside their printed results."""
 
-import sys
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -8,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.output import init_warp, write_atomic
+from sweeps.output import init_warp, note, write_atomic
 from sweeps.paper.bottles import BOTTLES_HEADER, bottle_rows, follow_bottles
 from sweeps.paper.faces import FACES_HEADER, Case, explore_faces, face_rows
 from sweeps.paper.page import Run, page
 from sweeps.paper.recovery import RECOVERY_HEADER, recover_objects, recovery_rows
 from sweeps.paper.stereo import STEREO_HEADER, see_objects, stereo_rows
-from sweeps.spec.errors import StoreError
+from sweeps.result_file import make_folder
 from sweeps.text_table import TextTable
 
 
@@ -32,10 +31,7 @@ class Sizes:
 def paper(folder: Path, sizes: Sizes | None = None) -> int:
     """Runs the experiments; writes tables, figures and `paper.md` into `folder`."""
     sizes = sizes or Sizes()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StoreError(f"{folder}: cannot be written: {error.strerror}") from None
+    make_folder(folder)
     chosen = list(sizes.cases) if sizes.cases is not None else None
     with ProcessPoolExecutor(2, get_context("spawn"), initializer=_use_one_thread) as pool:
         recovery = pool.submit(recover_objects, sizes.episodes)
@@ -47,8 +43,8 @@ def paper(folder: Path, sizes: Sizes | None = None) -> int:
         write_atomic(folder / name, content)
         print(folder / name)
     seconds = np.nanmedian([r.seconds_a_fit for g in run.recovered for r in g.ways])
-    print(f"time: 20 iterations of one fit took {1e3 * seconds:.1f} ms of one core here "
-          "(printed: about 10 s on a Sun-4)", file=sys.stderr)
+    note(f"time: 20 iterations of one fit took {1e3 * seconds:.1f} ms of one core here "
+         "(printed: about 10 s on a Sun-4)")
     return 0
 
 

@@ -1,9 +1,7 @@
 """`warpgrasp race`: runs a race in rungs, says which entry is best within how much."""
 
-import json
 import time
 from collections.abc import Sequence
-from math import isfinite
 from pathlib import Path
 
 from sweeps.analysis.entries import LeaderboardError, check_metric
@@ -20,7 +18,7 @@ from sweeps.run.plan import Plan, plan_study, same_bodies
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
-from sweeps.text_table import print_table
+from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import on_one_line
 
 SHOWN = 20
@@ -54,7 +52,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
             if course.race.looks:
                 found = verdict_of(course.race, course.units)
                 _write(folder, found)
-                say(f"so far: {claim(found)}; {found.labels[found.last.leader]} leads")
+                note(f"so far: {claim(found)}; {found.labels[found.last.leader]} leads")
             raise
         if isinstance(course, SearchCourse) and course.proposed:
             write_atomic(folder / "search.csv", search_table(course).csv())
@@ -68,7 +66,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
         note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
              f"more {'of them' if spent == 'objects' else 'of it'} may tell")
     if outcome.failed:
-        note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
+        say(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
     return int(bool(outcome.failed or outcome.lost))
 
 
@@ -97,9 +95,8 @@ def _write(folder: Path, found: Verdict) -> None:
 def _show(found: Verdict, as_json: bool, more: dict[str, str]) -> None:
     lines, made = {**summary(found), **more}, race_table(found)
     if as_json:
-        rows = [dict(zip(made.header, row, strict=True)) for row in made.rows]
-        print(json.dumps({**lines, "reached": found.reached, "table": rows,
-                          "within": found.within if isfinite(found.within) else None}, indent=1))
+        print_json({**json_record(lines), "reached": found.reached, "table": made.records(),
+                    "within": finite_or_none(found.within)})
         return
     width = max(map(len, lines))
     for name, text in lines.items():

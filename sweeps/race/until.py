@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
-from sweeps.output import note, write_atomic
+from sweeps.output import note, say, write_atomic
 from sweeps.race.course import Course, check_entries, rules_of, run_course
 from sweeps.race.elimination import Race
 from sweeps.race.race_note import end_race_note
@@ -104,7 +104,7 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
         board = make_leaderboard(plan_of(store), [store])
         write_atomic(folder / "leaderboard.csv", board.csv())
     if outcome.failed:
-        note(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
+        say(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
     return Known({name: text for name, text in summary(found).items() if name in SAID},
                  found.within, board, bool(outcome.failed or outcome.lost))
 

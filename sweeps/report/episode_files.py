@@ -30,7 +30,7 @@ from sweeps.figures.faces import crossed_faces, draw_faces, faces_shown
 from sweeps.figures.meshes import mesh_of_world, ply_of
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import draw_taxels, pad_touches, taxels_shown
-from sweeps.output import say, write_atomic
+from sweeps.output import note, say, write_atomic
 from sweeps.report.picture_process import Drawn, PictureProcess, attempt
 from sweeps.report.surfaces import draw_surfaces, surfaces_shown
 from sweeps.report.trust import choice_sentence, trust_sentence
@@ -53,8 +53,9 @@ def explore(
 
     `contacts.png` and `surfaces.png` always; `faces.png` where faces were crossed, `contour.png`
     where a contour was followed, `taxels.png` where pads had contact, `replay.html` for `replay`.
-    stderr says how far to trust the recovered shape, what was chosen and why, what the note of the
-    episode's row would be, and which figures could not be drawn.
+    Notes on stderr say how far to trust the recovered shape, what was chosen and why, and what the
+    note of the episode's row would be; a fault, and which figures could not be drawn, is said even
+    where notes are suppressed.
     `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw; `pictures`
     draws figures beside the episode, else they are drawn here. Raises
     BodyError for an object that cannot be built, OSError where `out` cannot be written.
@@ -89,21 +90,21 @@ def explore(
 
         write_replay(make_replay(cell, block), out / "replay.html")
         written.append("replay.html")
-    say(f"{block.status[0]}: {trust_sentence(block)}")
+    note(f"{block.status[0]}: {trust_sentence(block)}")
     if reconstruct == CHOSEN:
-        say(choice_sentence(block))
+        note(choice_sentence(block))
     if reconstruct == PARTS and not (block.rebuilt and block.rebuilt.made[0]):
-        say("parts: contacts ask for one superquadric only, or prior or table contradict several; "
-            "the recovered model stands")
+        note("parts: contacts ask for one superquadric only, or prior or table contradict several; "
+             "the recovered model stands")
     if block.exploration.fault[0]:
         what = "reconstruct" if block.status[0] == REBUILD_FAILED else "the strategy"
         say(f"{what} failed: {block.exploration.fault[0]}")
     elif record["note"]:
-        say(record["note"])
+        note(record["note"])
     if block.worse_than_prior[0]:
-        say("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
+        note("worse than the prior it was given: " + ", ".join(block.worse_than_prior[0].split()))
     if block.rebuilt is not None and block.rebuilt.made[0]:
-        say(f"{block.rebuilt.name_of(0)}: body made in {block.rebuilt.time_s:.1f} s")
+        note(f"{block.rebuilt.name_of(0)}: body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
 
 

@@ -15,7 +15,7 @@ from sweeps.analysis.curves import Curves, read_curves
 from sweeps.analysis.leaderboard import MORE, Leaderboard, make_leaderboard
 from sweeps.analysis.paired import Paired, interval_note, read_paired
 from sweeps.analysis.pareto import columns_of
-from sweeps.output import note, why_unwritable, write_atomic
+from sweeps.output import note
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
     confusion_section,
@@ -30,6 +30,7 @@ from sweeps.report.sections import (
     views_section,
 )
 from sweeps.report.views import Views, make_views, pick_episodes, pick_objects
+from sweeps.result_file import check_result, write_result
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store
@@ -47,14 +48,10 @@ NOTES = 6
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
            workers: int = 1) -> int:
     """Writes the report of a study and prints its path; StoreError where it cannot be written."""
-    if wrong := why_unwritable(out):
-        raise StoreError(wrong)
+    check_result(out)
     plan, stores = open_sweep(folders)
     content = make_report(plan, stores, views=views, device=device, workers=workers)
-    try:
-        write_atomic(out, content)
-    except OSError as error:
-        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    write_result(out, content)
     print(out)
     return 0
 

@@ -4,7 +4,6 @@ It needs viser, an optional dependency. Arm and hand are capsules.
 """
 
 import io
-import sys
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
@@ -18,7 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from sweeps.analysis.rerun_episode import cell_of, choose_episode, in_a_worker
 from sweeps.figures.replay_frames import Replay, replay_of, segment_pose
-from sweeps.output import extra_hint, why_unwritable, write_atomic
+from sweeps.output import extra_hint
+from sweeps.result_file import check_result, write_result
 from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
 
@@ -34,8 +34,7 @@ def show(folders: Sequence[Path], out: Path | None, *, strategy: str | None, bod
          episode: int, live: bool, port: int, device: str) -> int:
     """Runs an episode of a study again and replays it, in a file or live until Ctrl-C."""
     check_viser()
-    if out is not None and (wrong := why_unwritable(out)):
-        raise StoreError(wrong)
+    check_result(out)
     plan, stores = open_study(folders)
     chosen = choose_episode(plan, stores, strategy, body, episode)
     replay = in_a_worker(replay_of, (cell_of(plan, chosen), chosen.episode, device))
@@ -67,10 +66,7 @@ def write_replay(replay: Replay, out: Path) -> None:
         content = serializer.as_html(dark_mode=False).encode()
     finally:
         _silently(server.stop)
-    try:
-        write_atomic(out, content)
-    except OSError as error:
-        raise StoreError(f"{out}: cannot be written: {error.strerror}") from None
+    write_result(out, content)
 
 
 def _play(replay: Replay, port: int) -> None:
@@ -81,7 +77,7 @@ def _play(replay: Replay, port: int) -> None:
             slider = server.gui.add_slider("frame", 0, len(replay.frames) - 1, 1, 0)
             playing = server.gui.add_checkbox("play", True)
         slider.on_update(lambda _: drawn.show(int(slider.value)))
-        print(f"http://{LOCAL}:{server.get_port()} (Ctrl-C ends it)", file=sys.stderr, flush=True)
+        print(f"http://{LOCAL}:{server.get_port()} (Ctrl-C ends it)", flush=True)
         while True:
             time.sleep(1.0 / PER_SECOND)
             if playing.value:

@@ -84,16 +84,20 @@ class Progress:
         self.before = self.done_units
 
     def failed(self, text: str) -> None:
-        """A unit was set aside."""
+        """A unit was set aside, which is told even where notes are suppressed."""
         self.failed_units += 1
-        self.say(text)
+        self._print(text)
         self._show()
 
     def say(self, text: str) -> None:
-        """One line on stderr, beside the bar."""
+        """One line on stderr, beside the bar, unless progress is suppressed."""
+        if not self.quiet:
+            self._print(text)
+
+    def _print(self, text: str) -> None:
         if self.bar:
             self.bar.console.print(printable(text), markup=False, highlight=False)
-        elif not self.quiet:
+        else:
             say(text)
 
     def tick(self, running: int) -> None:

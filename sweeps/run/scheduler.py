@@ -35,6 +35,7 @@ class Outcome:
     failed: int = 0
     lost: int = 0  # neither there nor failed, though the run ended
 
+
 @dataclass
 class UnitQueue:
     """The units of a shard, handed out in batches: units of one cell, or of cells that can be run

@@ -14,6 +14,7 @@ from typing import Any
 
 from sweeps.file_lock import holder_of, same_file, try_lock, turn
 from sweeps.output import write_atomic
+from sweeps.result_file import OWN_FILES, is_study
 from sweeps.run.environment import describe_environment
 from sweeps.run.inputs import keep_inputs
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
@@ -27,10 +28,6 @@ from sweeps.run.unit_file import (
 )
 from sweeps.spec.errors import Held, OtherStudy, StoreError, short
 from warpgrasp.core.plain_text import counted
-
-OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "leaderboard.csv",
-             "race.csv", "race.svg", "search.csv", "sensitivity.toml", "sensitivity.csv",
-             "sensitivity.md")
 
 
 def _unreadable(file: Path, error: OSError) -> StoreError:
@@ -58,10 +55,8 @@ class Store:
 
         Raises StoreError with exit code 3: nothing of a folder of the user's is written over.
         """
-        ours = (self.folder / "resolved.json").exists() or (
-            self.units.is_dir() and self.logs.is_dir())
         try:
-            others = () if ours or not self.folder.exists() else sorted(
+            others = () if is_study(self.folder) or not self.folder.exists() else sorted(
                 file.name for file in self.folder.iterdir()
                 if not file.name.startswith(".lock-") and file.name != "sensitivity.toml")
             if others:
@@ -98,7 +93,14 @@ class Store:
         return StoreError(
             f"{error.filename or self.folder}: cannot be written: {error.strerror}")
 
+    def refuse_other_study(self, plan: Plan) -> None:
+        """Raises OtherStudy where the directory has a study that `plan` does not extend."""
+        old = self.resolved() if (self.folder / "resolved.json").exists() else None
+        if old and old["hash"] != plan.hash and not extends(old["study"], plan.resolved):
+            raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
+
     def _claim(self, plan: Plan) -> list[str]:
+        self.refuse_other_study(plan)
         file = self.folder / "resolved.json"
         notes = []
         earlier: set[int] = set()  # episodes of a cell before the study grew
@@ -112,8 +114,6 @@ class Store:
                 if content["keep"] == old.get("keep", "nothing"):
                     return []
                 content = {**old, "keep": content["keep"]}  # in the order of its first spec
-            elif not extends(old["study"], plan.resolved):
-                raise OtherStudy(self.folder, differences(old["study"], dict(plan.resolved)))
             else:
                 notes += ["the study has grown; what is there of it is kept"]
             earlier = {*old.get("earlier", ()), old["study"]["episodes_per_cell"]}

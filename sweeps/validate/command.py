@@ -2,13 +2,13 @@
 
 import csv
 import io
-import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 
-from sweeps.output import extra_hint, init_warp, quiet_stdout, write_atomic
+from sweeps.output import extra_hint, init_warp, note, quiet_stdout, say
+from sweeps.result_file import make_folder, write_result
 from sweeps.spec.errors import StoreError, choose
 from sweeps.text_table import print_table
 from sweeps.validate.comparison import HEADER, Comparison, MissingEngine
@@ -25,28 +25,27 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
     for name in only:
         if name not in CHECKS:
             raise StoreError(f"--only: no check {name!r}; {choose(name, CHECKS)}")
+    if out is not None:
+        make_folder(out)
     rows: list[Comparison] = []
     missing = False
     with quiet_stdout():
         init_warp()
         for name in only or CHECKS:
-            print(f"{name} ...", file=sys.stderr, flush=True)
+            note(f"{name} ...")
             try:
                 rows += _compare(name, poses, workers)()
             except (MissingEngine, ModuleNotFoundError) as error:
                 missing = True
-                print(f"{name}: left out: {error}; `make validate` installs what it needs, "
-                      f"or {extra_hint('validate')}", file=sys.stderr)
+                say(f"{name}: left out: {error}; `make validate` installs what it needs, "
+                    f"or {extra_hint('validate')}")
     if out is not None:
-        try:
-            out.mkdir(parents=True, exist_ok=True)
-            write_atomic(out / "validate.csv", csv_of(rows))
-            write_atomic(out / "validate.md", markdown_of(rows))
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+        write_result(out / "validate.csv", csv_of(rows))
+        write_result(out / "validate.md", markdown_of(rows))
     print_table(HEADER, [row.cells() for row in rows], as_json)
     broken = [row for row in rows if not row.ok]
-    print(f"{len(rows)} comparisons, {len(broken)} beyond their bound", file=sys.stderr)
+    (say if broken else note)(
+        f"{len(rows)} comparisons, {len(broken)} beyond their bound")
     return 1 if broken or missing else 0
 
 

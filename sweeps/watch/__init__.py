@@ -5,4 +5,5 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "server": ["watch"],
     "terminal": ["watch_in_terminal"],
+    "view": ["watched_metric"],
 })

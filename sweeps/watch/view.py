@@ -4,14 +4,27 @@ import json
 import time
 from pathlib import Path
 
+from sweeps.run.race_record import race_of
 from sweeps.run.store import Store, plan_of
+from sweeps.spec.errors import StoreError
 from sweeps.watch.race_view import RaceView
 from sweeps.watch.state import State
 from sweeps.watch.sweep_view import SweepView
 
+METRIC = "chamfer_mm"
+"""Of a sweep, where no other score is named."""
 SHARE = 0.01
 """Of the time since it last looked, a view takes no more than this for looking."""
 LEAST_S = 1.0
+
+
+def watched_metric(folder: Path, metric: str | None) -> str:
+    """The score that a directory's entries are watched by. Raises StoreError where one is asked of
+    a race, which has its own."""
+    store = Store(folder)
+    if metric is not None and race_of(plan_of(store), store) is not None:
+        raise StoreError(f"--metric: is of a sweep, and {folder} holds a race, which has its own")
+    return metric or METRIC
 
 
 class View:

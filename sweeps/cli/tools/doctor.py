@@ -5,6 +5,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -24,7 +25,7 @@ def doctor(*, as_json: bool, test: bool) -> int:
         rows += list(_devices())
         if test:
             rows += list(_self_test())
-    print_table(("what", "value", "verdict"), rows, as_json)
+    print_table(("what", "value", "verdict"), rows, as_json, words=("value",))
     return 0 if all(row[2] in ("ok", "") for row in rows) else 1
 
 
@@ -48,8 +49,17 @@ def _places() -> Iterator[Row]:
         os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warp")
     for label, path in (("compiled fits, baked meshes", cache_root()),
                         ("compiled kernels", kernels)):
-        size = sum(file.stat().st_size for file in path.rglob("*") if file.is_file())
-        yield label, f"{path} ({size / 1e6:.0f} MB)", _writable(path)
+        yield label, f"{path} ({_size(path) / 1e6:.0f} MB)", _writable(path)
+
+
+def _size(folder: Path) -> int:
+    """Bytes of all files below; those that another process removes meanwhile are left out."""
+    size = 0
+    for place, _, names in os.walk(folder):
+        for name in names:
+            with suppress(OSError):
+                size += os.stat(os.path.join(place, name)).st_size
+    return size
 
 
 def _writable(path: Path) -> str:

@@ -3,7 +3,8 @@ simulators."""
 
 from pathlib import Path
 
-from sweeps.output import init_warp, quiet_stdout, write_atomic
+from sweeps.output import init_warp, quiet_stdout
+from sweeps.result_file import check_result, write_result
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from warpgrasp.geometry.body import BodyError
@@ -21,14 +22,12 @@ def export_robot(
     kind = file.suffix.lower()
     if kind not in (".xml", ".urdf"):
         raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
+    check_result(file)
     with quiet_stdout():
         init_warp()
         files = _files(file, kind, arm, what, units, hand)
     for path, text in files.items():
-        try:
-            write_atomic(path, text.encode())
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_result(path, text.encode())
         print(path)
     return 0
 

@@ -2,7 +2,6 @@
 set."""
 
 import os
-import sys
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -26,8 +25,10 @@ from fit.points_csv import (
     superquadric_rows,
 )
 from fit.superquadric.record import SuperquadricFit
-from sweeps.output import say, why_unwritable, write_atomic
+from sweeps.output import note
+from sweeps.result_file import why_unwritable, write_result
 from sweeps.spec.errors import StoreError
+from warpgrasp.core.plain_text import counted
 
 SETS_A_PROCESS = 1024
 """Sets that a process fits at a time; fewer than twice as many are fitted in this one."""
@@ -49,7 +50,7 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
                units: str | None = None) -> int:
     """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
 
-    Prints the files written; stderr says what became of the sets. Raises PointsError with all that
+    Prints the files written; notes say what became of the sets. Raises PointsError with all that
     is wrong in the file, StoreError for options that contradict and files that cannot be used.
     """
     _check(shape, points, out, taper, bend, robust, table_z_m, normal_deg, figure)
@@ -58,14 +59,14 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
     except OSError as error:
         raise StoreError(f"{points}: cannot be read: {error.strerror or error}") from None
     if any(sets.left_out):
-        say(_left_out(sets))
+        note(_left_out(sets))
     if table_z_m is not None:
         _check_table(sets, table_z_m)
     if normal_deg is not None and sets.normals is None:
         raise StoreError(f"--normal-deg: {points} has no columns nx, ny, nz")
     if shape == "superquadric" and sets.normals is not None:
         for name in inward(sets):
-            say(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
+            note(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
     found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
                              table_z_m=table_z_m, normal_deg=normal_deg)
@@ -77,16 +78,12 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
 
         files[figure] = draw_fits(sets, found, figure.suffix[1:])
     for path, content in files.items():
-        try:
-            write_atomic(path, content)
-        except OSError as error:
-            raise StoreError(f"{path}: cannot be written: {error.strerror or error}") from None
+        write_result(path, content)
         print(path)
     became, count = Counter(status_names(found.status)), len(sets.names)
-    print(f"{count} set{'' if count == 1 else 's'}: "
-          + ", ".join(f"{n} {name}" for name, n in became.items()), file=sys.stderr)
+    note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
     if shape == "superquadric" and (advice := _advice(sets.names, found, robust)):
-        say(advice)
+        note(advice)
     return 0
 
 
@@ -118,7 +115,7 @@ def _named(found: list[str]) -> str:
 
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:
-    """Says of which sets the table cannot be true. Raises StoreError where it is of none."""
+    """Notes of which sets the table cannot be true. Raises StoreError where it is of none."""
     finite, of_touch = np.isfinite(sets.touches_m).all(1), sets.of_touch
     good = np.bincount(of_touch[finite], minlength=len(sets.names))
     used = good > 0
@@ -136,7 +133,7 @@ def _check_table(sets: PointSets, table_z_m: float) -> None:
     if wrong and len(wrong) == len(names):
         raise StoreError(f"{wrong[0]}; should be the table's height in metres, below all touches")
     for line in wrong:
-        say(line)
+        note(line)
 
 
 def inward(sets: PointSets) -> list[str]:

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from sweeps.cli.app import DONE, SOME_FAILED
-from sweeps.output import init_warp, note, quiet_stdout, why_unwritable, write_atomic
+from sweeps.output import init_warp, note, quiet_stdout, say
+from sweeps.result_file import check_result, write_result
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from sweeps.text_table import print_table
@@ -31,8 +32,7 @@ def learn_objects(
     `extend`, by default those that ship. One body under two names is refused. An object of which no
     body was recovered is left out, and the exit code says so.
     """
-    if reason := why_unwritable(out):
-        raise StoreError(reason)
+    check_result(out)
     with quiet_stdout():
         init_warp()
         objects = _tables(what, units)
@@ -47,10 +47,7 @@ def learn_objects(
         models, left_out = _learned(
             objects, strategies, episodes, seed, unlisted, known, only, device,
             _command(what, units, strategies, episodes, seed, unlisted, extend, only))
-        try:
-            write_atomic(out, models_text(models).encode())
-        except OSError as error:
-            raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
+        write_result(out, models_text(models).encode())
     print_table(("object", "recovered", "faces", "profile", "parameters"),
                 [(one.name or "unlisted", str(max(one.tried.values())),
                   *(f"{one.found[way]} of {one.tried[way]}" for way in
@@ -95,7 +92,7 @@ def _learned(
     contents = taught(lessons, every)
     left_out = set(objects) - set(contents)
     for name in sorted(left_out):
-        note(f"{name}: no body was recovered in any episode; it is left out")
+        say(f"{name}: no body was recovered in any episode; it is left out")
     if not contents:
         raise StoreError("no object can be learned; nothing was written")
     try:

@@ -37,7 +37,7 @@ def test_a_file_that_closes_the_output_silences_nobody(tmp_path: Path, line: str
     """The command ended with code 1 or 2 and without a word."""
     done = check(tmp_path, line, "--json")
     assert done.returncode == 0
-    assert json.loads(done.stdout)["cells"] == "1"  # and nothing that the file printed
+    assert json.loads(done.stdout)["cells"] == 1  # and nothing that the file printed
 
 
 def test_a_file_that_closes_the_output_and_leaves_is_named(tmp_path: Path) -> None:

@@ -158,6 +158,16 @@ def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, mo
     assert "2 objects x 40 episodes" in printed.err
 
 
+def test_a_directory_of_another_study_is_left_as_it_is(tmp_path, capsys) -> None:
+    plan, folder = plan_of(tmp_path / "spec"), tmp_path / "out"
+    folder.mkdir()
+    Store(folder).open_for(plan, None, "cpu")
+    before = sorted(folder.rglob("*"))
+    assert run(["sensitivity", "-o", str(folder)]) == 3
+    assert "belongs to another spec" in capsys.readouterr().err
+    assert sorted(folder.rglob("*")) == before
+
+
 @pytest.mark.slow
 def test_the_command_prints_a_row_a_setting(tmp_path, capsys) -> None:
     few = sensitivity_spec(BRACKETS[:1], ("ring6", "column9"), ("block",), 2)

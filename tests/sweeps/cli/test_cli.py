@@ -280,7 +280,7 @@ def test_lists_and_check_and_init(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert cli.run(["init", str(spec)]) == 0
     assert cli.run(["check", str(spec), "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    assert (found["cells"], found["episodes"], found["units"]) == ("12", "192", "12")
+    assert (found["cells"], found["episodes"], found["units"]) == (12, 192, 12)
     assert "warning" not in found
     assert cli.run(["check", str(spec), "--set", "hand.co_contraction_N=200"]) == 0
     assert "warning" in capsys.readouterr().out

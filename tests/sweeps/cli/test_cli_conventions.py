@@ -75,6 +75,8 @@ def test_help_and_completion_know_every_kind() -> None:
     ("show DIR -o f.html --port 9000", "--port: is for --live"),
     ("watch DIR --terminal --port 8080", "--port: is of the page"),
     ("watch DIR --terminal --open", "--open: is of the page"),
+    ("sweep SPEC -o x --engine ray --address auto --workers 2", "--workers: is of this machine"),
+    ("race SPEC -o x --within 1 --engine ray --address auto --workers 2", "--workers: is of this"),
     ("validate --only puma --poses 5", "--poses: is for closing"),
     ("report DIR -o r.html --no-views --workers 2", "--workers: is for views"),
     ("export h.xml --units mm", "--units: says how large a mesh is; should stand beside --object"),
@@ -179,3 +181,40 @@ def test_importing_is_quick() -> None:
             "print({'jax', 'warp', 'numpy'} & set(sys.modules))")
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize(("words", "says"), [
+    (["table", "pairs", "x"], "KIND: is 'x'; pairs should stand last, after the directories"),
+    (["table", "x", "pears"], "KIND: is 'pears'; did you mean pairs?"),
+    (["swep", "x.toml"], "no command 'swep'; did you mean sweep? there are: "),
+    (["--workers", "2"], "no command '--workers'; there are: "),
+    (["sweep", "x.toml", "-o", "out", "--workers"], "--workers: is given without a value; see "),
+    (["sweep", "x.toml", "-o"], "-o: is given without a value; see warpgrasp sweep --help"),
+    (["sweep", "x.toml"], "--out: is missing; see warpgrasp sweep --help")])
+def test_wrong_usage_says_what_would_be_right(words: list[str], says: str,
+                                              capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(words) == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert ", ;" not in said
+
+
+def test_files_that_vanish_meanwhile_do_not_end_doctor(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    """Caches are written while it counts them."""
+    monkeypatch.setenv("WARP_CACHE_PATH", str(tmp_path))
+    (tmp_path / "kernel.o").write_bytes(bytes(3_000_000))
+    (tmp_path / "gone").symlink_to(tmp_path / "nothing")
+    whole = os.stat
+
+    def vanishing(path: object, *more: object, **options: object) -> os.stat_result:
+        if str(path).endswith(".tmp"):
+            raise FileNotFoundError(2, "No such file or directory", str(path))
+        return whole(path, *more, **options)  # type: ignore[arg-type]
+
+    (tmp_path / "half.tmp").touch()
+    monkeypatch.setattr(os, "stat", vanishing)
+    assert cli.run(["doctor", "--no-test", "--json"]) == 0
+    rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
+    assert rows["compiled kernels"]["value"] == f"{tmp_path} (3 MB)"

@@ -1,7 +1,6 @@
 """The command: what it prints and leaves, resumed, damaged, with any number of workers."""
 
 import contextlib
-import csv
 import io
 import json
 import os
@@ -15,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from json_rows import assert_same_cells, csv_rows
 from places import ROOT
 from studies import write_spec
 
@@ -61,7 +61,7 @@ def race(spec: Path, out: Path, *words: str, within: str = "0.3") -> int:
 
 
 def rows(out: Path) -> list[dict[str, str]]:
-    return list(csv.DictReader((out / "race.csv").read_text().splitlines()))
+    return csv_rows(out / "race.csv")
 
 
 def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
@@ -72,7 +72,7 @@ def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
     assert told["claim"] == "within 0.3 mm of the best of 6 on these 3 objects, 95 %"
     assert told["reached"]
     found = rows(out)
-    assert found == told["table"]
+    assert_same_cells(found, told["table"])
     assert cli.run(["leaderboard", str(out)]) == 3
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
     assert [row["verdict"] for row in found].count("best") == 1
@@ -204,6 +204,15 @@ def test_swept_nuisances_are_averaged_over(tmp_path: Path) -> None:
     assert len(units.units([(0, 0, 8)])) == 12
 
 
+def test_a_race_is_watched_by_its_own_score(whole: tuple[Path, str],
+                                            capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["watch", str(whole[0]), "--terminal"]
+    assert cli.run([*words, "--metric", "iou"]) == 2
+    assert "--metric: is of a sweep, and " in capsys.readouterr().err
+    assert cli.run(words) == 0
+    assert "within 0.3 mm of the best of 6" in capsys.readouterr().out
+
+
 def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spec = write_spec(tmp_path, SPEC)
     assert race(spec, tmp_path / "out", "--cap", "20", within="5") == 0
@@ -212,7 +221,7 @@ def test_capped_races_say_so(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     told, first = json.loads(capsys.readouterr().out), rows(tmp_path / "iou")[0]
     assert told["claim"].startswith("within 0.05 of the best of ")
     assert 0 < float(first["iou"]) < 1
-    assert told["iou"] == first["iou"]
+    assert told["iou"] == float(first["iou"])
 
 
 def test_right_and_wrong_answers_have_safe_bounds(tmp_path: Path,

@@ -68,7 +68,7 @@ def test_it_goes_on_until_the_best_is_known(whole: tuple[Path, str],
     each = plan.study.head.episodes_per_cell
     assert each % 64 == 0
     assert each > 64
-    assert {row["n_episodes"] for row in told["table"] if row["rank"] != "NA"} == {str(2 * each)}
+    assert {row["n_episodes"] for row in told["table"] if row["rank"] is not None} == {2 * each}
     assert all(Store(out).has(unit, verify=True) for unit in plan.units())
     assert len(Store(out).unit_ids()) == plan.unit_count
     assert cli.run(["leaderboard", str(out)]) == 0

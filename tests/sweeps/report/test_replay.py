@@ -206,8 +206,8 @@ def test_live_on_this_machine_alone(played: tuple[Replay, EpisodeBlock], tmp_pat
         [sys.executable, "-c", LIVE, str(tmp_path / "replay"), str(store.folder), str(port)],
         stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     try:
-        assert process.stderr
-        assert process.stderr.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
+        assert process.stdout
+        assert process.stdout.readline() == f"http://127.0.0.1:{port} (Ctrl-C ends it)\n"
         with urlopen(f"http://127.0.0.1:{port}", timeout=30) as page:
             assert page.read(15).lower() == b"<!doctype html>"
         listening = [line.split()[1] for name in ("tcp", "tcp6")

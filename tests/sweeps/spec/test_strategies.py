@@ -219,7 +219,7 @@ def test_what_a_planner_prints_is_no_result(
                     'options = { size = 1 }\n[sweep.grid]\n"strategy.options.size" = [1, 2]\n')
     assert run(["check", str(file), "--json"]) == 0
     printed = capsys.readouterr()
-    assert json.loads(printed.out)["settings"] == "2"
+    assert json.loads(printed.out)["settings"] == 2
     assert {"import", "init"} <= set(printed.err.split())
 
 
