@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: str | None = None,
             out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
             seed: int = 0, yaw_deg: float | None = None, x_m: float = 0.45, y_m: float = 0.0,
-            stable_pose: int | None = None,
+            stable_pose: int | None = None, hand: str = "utah_mit", arm: str = "puma560",
             replay: Annotated[bool, Parameter(negative="")] = False,
             reconstruct: str | None = None, device: str = "cpu") -> int:
     """Run one episode and write its contacts, the recovered shape and a figure.
@@ -42,6 +42,10 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
         Where it stands, to the left of the robot's base.
     stable_pose
         How it lies: the number of a stable pose, 1 the likeliest; as it is made if not given.
+    hand
+        A name (`warpgrasp hands`) or a TOML file.
+    arm
+        A name (`warpgrasp arms`), none for a floating wrist, or a TOML file.
     replay
         Also write replay.html: the episode played again in 3-D (needs the extra `show`).
     reconstruct
@@ -70,7 +74,7 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
 
     with PictureProcess() as pictures:  # imports what draws, beside all that follows
         written = _explored(
-            object_, units, stable_pose, strategy, reconstruct, device,
+            object_, units, stable_pose, strategy, reconstruct, device, hand, arm,
             {"seed": seed, "yaw_rad": None if yaw_deg is None else radians(yaw_deg), "x_m": x_m,
              "y_m": y_m, "out": out, "device": device, "replay": replay, "pictures": pictures})
     for file in written:
@@ -79,8 +83,9 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
 
 
 def _explored(object_: str, units: str | None, stable_pose: int | None, strategy: str | None,
-              reconstruct: str | None, device: str, rest: dict[str, Any]) -> list[Path]:
-    """Runs the episode with the arguments' objects, strategy and word; files come back."""
+              reconstruct: str | None, device: str, hand: str, arm: str,
+              rest: dict[str, Any]) -> list[Path]:
+    """Runs the episode with the arguments' objects, strategy, robot and word; files come back."""
     from sweeps.output import init_warp, quiet_stdout
     from sweeps.result_file import make_folder
     from sweeps.spec.errors import StoreError
@@ -94,6 +99,7 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         table = object_of_argument(object_, units, stable_pose)
         if units is not None and "mesh" not in table:
             raise StoreError(f"--units: is of a mesh file; {object_} is none")
+        robot = _robot_of_arguments(hand, arm, chosen)
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.cli.warmup import compile_explored
@@ -103,7 +109,8 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         make_folder(out)
         compile_explored(chosen, device, bends=word == "chosen")
         try:
-            return explore_object(body_table=table, strategy=chosen, reconstruct=word, **rest)
+            return explore_object(body_table=table, strategy=chosen, reconstruct=word, **robot,
+                                  **rest)
         except OSError as error:
             raise StoreError(f"{out}: cannot be written: {error.strerror or error}") from None
 
@@ -128,6 +135,24 @@ def strategy_of_argument(name: str) -> "Strategy":
     from strategies.strategy import Strategy
 
     return Strategy(name, call=name, touches=TOUCHES)
+
+
+def _robot_of_arguments(hand: str, arm: str, strategy: "Strategy") -> dict[str, Any]:
+    """The tables of a hand and an arm by their names or files, checked as a spec's are."""
+    from sweeps.spec.errors import Problems, StoreError
+    from sweeps.spec.hands import misfit_of, read_hand
+    from sweeps.spec.named_files import read_arm
+    from warpgrasp.parameters import ArmTable, HandTable
+
+    problems = Problems("", {})
+    tables = {"hand": HandTable(kind=read_hand(hand, Path.cwd(), problems)),
+              "arm": ArmTable(kind=read_arm(arm, Path.cwd(), problems))}
+    if problems.found:
+        first = problems.found[0]
+        raise StoreError(f"--{first.key.partition('.')[0]}: {first.what}")
+    if misfit := misfit_of(tables["hand"], strategy.closings):
+        raise StoreError(f"--hand: {misfit}")
+    return tables
 
 
 def _reconstruct_of_argument(value: str) -> str:

@@ -2,7 +2,8 @@
 
 x, y, z are the contact as the robot estimates it; for a contact that the body used, the place that
 this body gave it: the one that stands, a free form or parts where these stand for a model. `link`
-is the link that the robot concludes, `true_link` the one that touched. `accepted` is 1 for a
+is the link that the robot concludes from the stop alone, `true_link` the one that touched: the
+body may place a contact on another link of the finger. `accepted` is 1 for a
 contact that counts as one of that body's and 0 for another one; `verdict` says why
 (`contact_verdict`). `var_` and `cov_` are the point's covariance. No strategy
 or fit reads the true columns. For touches of pads `grasp` is the direction on a face or the section

@@ -35,7 +35,7 @@ from sweeps.report.picture_process import Drawn, PictureProcess, attempt
 from sweeps.report.surfaces import draw_surfaces, surfaces_shown
 from sweeps.report.trust import choice_sentence, trust_sentence
 from sweeps.spec.cell import Cell
-from warpgrasp.parameters import FitTable, ObjectTable
+from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
 
@@ -47,7 +47,8 @@ OTHERS = ("recovered.ply", "surfaces.png", "contacts.png", "faces.png", "taxels.
 def explore(
     *, body_table: Mapping[str, Any], strategy: Strategy, seed: int, yaw_rad: float | None,
     x_m: float, y_m: float, out: Path, device: str, replay: bool = False,
-    reconstruct: str = CHOSEN, pictures: PictureProcess | None = None,
+    reconstruct: str = CHOSEN, hand: HandTable | None = None, arm: ArmTable | None = None,
+    pictures: PictureProcess | None = None,
 ) -> list[Path]:
     """Runs one episode; writes `contacts.csv`, `shape.json` and figures; returns their paths.
 
@@ -56,12 +57,14 @@ def explore(
     Notes on stderr say how far to trust the recovered shape, what was chosen and why, and what the
     note of the episode's row would be; a fault, and which figures could not be drawn, is said even
     where notes are suppressed.
-    `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw; `pictures`
-    draws figures beside the episode, else they are drawn here. Raises
-    BodyError for an object that cannot be built, OSError where `out` cannot be written.
+    `body_table` names the object as in a spec; `yaw_rad` None gives it a random yaw; `hand` and
+    `arm` None are the robot of the paper; `pictures` draws figures beside the episode, else they
+    are drawn here. Raises BodyError for an object that cannot be built, OSError where `out` cannot
+    be written.
     """
     name = str(body_table.get("name") or Path(str(body_table.get("mesh", "object"))).stem)
-    cell = Cell(strategy, body_table, name, seed=seed,
+    cell = Cell(strategy, body_table, name, seed=seed, hand=hand or HandTable(),
+                arm=arm or ArmTable(),
                 placement=ObjectTable(x_m=x_m, y_m=y_m, yaw_rad=yaw_rad),
                 fit=FitTable(reconstruct=reconstruct))
     block = run_block(cell, np.arange(1), device, curve=False)

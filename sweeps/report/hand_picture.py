@@ -1,5 +1,6 @@
-"""A picture of a hand's shapes in its postures, as its model has them."""
+"""A picture of a hand's shapes in its postures, from two sides, as its model has them."""
 
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,35 +18,39 @@ _PALM, _FINGER, _THUMB, _TIP = "#9a9a9a", "#6d8ab8", "#E69F00", "#b2182b"
 _AXES = {"x": (0, "#CC79A7"), "approach (z)": (2, "#009E73")}
 """Of the frame of the grasp that are drawn: which, and in which colour."""
 _AXIS_RADIUS_M = 0.002
-_ELEVATION_DEG, _AZIMUTH_DEG = 15.0, -60.0
+_ELEVATION_DEG = 15.0
+_SIDES = {"": -60.0, ", from behind": 120.0}
+"""What is said of each side that the hand is seen from, and its azimuth [deg]: fingers that point
+away from one are hidden by the palm."""
 
 
 @drawing()
 def hand_picture(model: HandModel) -> "Figure":
-    """The hand in each of its first two postures, in the frame of the grasp, [mm]: z is the
-    approach, x points to the thumb, both drawn as rods from the origin; a red ball marks each
-    tip."""
+    """The hand in each of its first two postures, seen from two sides, in the frame of the grasp,
+    [mm]: z is the approach, x points to the thumb, both drawn as rods from the origin; a red ball
+    marks each tip."""
     from matplotlib.patches import Patch
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    drawn = figure(COLUMN_IN, 2 * COLUMN_IN)
+    drawn = figure(2 * COLUMN_IN, 2 * COLUMN_IN)
     shown = model.postures[:2]
     solids = [posture_solids(model, posture_angles(model, posture)) for posture in shown]
     corners = np.concatenate([faces.reshape(-1, 3) for one in solids for faces, _ in one])
     rods = axis_solids(0.6 * float(np.ptp(corners, axis=0).max()))
     corners = np.concatenate([corners, *(faces.reshape(-1, 3) for faces, _ in rods)])
     middle, half = (corners.min(0) + corners.max(0)) / 2, 1.05 * np.ptp(corners, axis=0).max() / 2
-    for number, (posture, one) in enumerate(zip(shown, solids, strict=True), 1):
-        axes: Any = drawn.add_subplot(1, len(shown), number, projection="3d")
+    views = product(_SIDES.items(), zip(shown, solids, strict=True))
+    for number, ((side, azimuth), (posture, one)) in enumerate(views, 1):
+        axes: Any = drawn.add_subplot(len(_SIDES), len(shown), number, projection="3d")
         one = [*one, *rods]
-        colours = np.concatenate([lit(faces, tint, direction(_AZIMUTH_DEG + 35.0, 50.0))
+        colours = np.concatenate([lit(faces, tint, direction(azimuth + 35.0, 50.0))
                                   for faces, tint in one])
         axes.add_collection3d(Poly3DCollection(
             [1e3 * face for faces, _ in one for face in faces], facecolors=colours,
             edgecolors=colours, linewidths=0.2, zsort="average"), autolim=False)
         set_box(axes, 1e3 * (middle - half), 1e3 * (middle + half), 0.85)
-        axes.view_init(_ELEVATION_DEG, _AZIMUTH_DEG)
-        axes.set_title(f"{cut(model.name)}: {posture.name}")
+        axes.view_init(_ELEVATION_DEG, azimuth)
+        axes.set_title(f"{cut(model.name)}: {posture.name}{side}")
     drawn.legend(handles=[*(Patch(color=tint, label=name) for name, (_, tint) in _AXES.items()),
                           Patch(color=_TIP, label="tip")], loc="outside lower center", ncols=3)
     return drawn

@@ -8,7 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "told_of"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
-    "hands": ["TORQUES", "hands_of", "read_hand", "sense_of"],
+    "hands": ["TORQUES", "hands_of", "misfit_of", "read_hand", "sense_of"],
     "named_files": ["KEPT", "UNSWEPT", "names_of", "read_arm",
         "read_reconstruct", "with_models"],
     "objects": ["files_digest", "object_of_argument", "read_objects"],

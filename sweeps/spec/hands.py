@@ -3,7 +3,7 @@
 The same word in a sweep, `hand = ["utah_mit", "allegro"]`, compares hands.
 """
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from sweeps.spec.named_files import NoFile, named_file
 from sweeps.spec.search import with_ends
 from sweeps.spec.study import HAND_KEY, WORDS, Study
 from warpgrasp.hands.hand_model import HandError
-from warpgrasp.parameters import UTAH_MIT, HandTable
+from warpgrasp.parameters import UTAH_MIT, ContactTable, HandTable
 
 HAND_LIMIT = 1 << 20
 CLOSINGS_KEY = "strategy.closings"
@@ -133,6 +133,16 @@ def _misfit(tables: Mapping[str, Any]) -> str:
 
     chain = chain_of_table(tables["hand"])
     return "" if chain is None else closing_misfit(chain, tables["hand"], tables["contact"])
+
+
+def misfit_of(hand: HandTable, closings: Iterable[str]) -> str:
+    """Why a hand cannot be closed along some paths with contacts as they are by default; empty
+    where it can."""
+    known, called = _closing_names(hand.kind)
+    for name in closings:
+        if name not in known:
+            return f"the hand {called} has no closing path {short(name)}; {choose(name, known)}"
+    return _misfit({"hand": hand, "contact": ContactTable()})
 
 
 def _unread(hands: set[str]) -> dict[str, str]:

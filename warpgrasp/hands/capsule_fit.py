@@ -1,20 +1,27 @@
-"""Capsules that stand for meshes and cylinders, with the error of each; and of a hand's skin.
+"""Capsules and boxes that stand for meshes and cylinders, with the error of each; and of a hand's
+skin.
 
 A capsule's surface is fitted to points of the mesh's convex hull by least squares of their
-signed distances; what lies inside a mesh touches nothing.
+signed distances; what lies inside a mesh touches nothing. A plate is a box: the nearest capsule to
+it is a ball about as wide as the plate.
 """
 
 import numpy as np
 import trimesh
 from scipy.optimize import least_squares
 
-from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape, vector_of
 from warpgrasp.hands.touch_shapes import skins_of
 
 _POINTS = 1500
 _SEED = 0
 """Of the points on the hull: a fit is the same every time."""
+_PLATE = 0.5
+"""What is thinner, as a share of its second longest side, is a plate: so is a cylinder shorter than
+its radius."""
+_FLAT_M = 1e-6
+"""Points that are nearer to a plane, or to a box that is a mesh's own, lie in it."""
 _BALL_M = 1e-4
 """A capsule whose ends are nearer is fitted as a ball: no file need tell them apart."""
 _SAID_M = 1e-4
@@ -33,17 +40,38 @@ def distance_to_capsule(points_m: np.ndarray, start: np.ndarray, end: np.ndarray
     return np.linalg.norm(points_m - nearest, axis=1) - radius_m
 
 
-def fit_capsule(vertices_m: np.ndarray) -> Capsule:
-    """The capsule nearest to the convex hull of points (n, 3) [m], with its largest error.
+def fit_shape(vertices_m: np.ndarray) -> Shape:
+    """The capsule nearest to the convex hull of points (n, 3) [m], or, of one that is less than
+    half as thick as it is wide, a box as thick and of as much volume; with its largest error.
 
     Raises ValueError for points in one plane.
     """
+    off = vertices_m - vertices_m.mean(0)
     try:
+        if np.abs(off @ np.linalg.svd(off, full_matrices=False)[2][-1]).max() < _FLAT_M:
+            raise ValueError("no volume")  # Qhull would lift points off their plane by itself
         hull = trimesh.Trimesh(vertices_m, process=False).convex_hull
     except Exception as error:  # Qhull's own error, which SciPy keeps in a private module
         raise ValueError("its points lie in one plane") from error
     points = np.concatenate([hull.vertices, trimesh.sample.sample_surface(
         hull, _POINTS, seed=_SEED)[0]])
+    to_box, sides = trimesh.bounds.oriented_bounds(hull)
+    thin, wide, _ = np.sort(sides)
+    if thin < _PLATE * wide:
+        return _plate(points, np.linalg.inv(to_box), sides, float(hull.volume))
+    return _nearest_capsule(points)
+
+
+def _plate(points: np.ndarray, frame: np.ndarray, sides: np.ndarray, volume_m3: float) -> Box:
+    """A box in the frame (4, 4) of the one about a hull, its two longer sides shortened alike."""
+    size = sides * np.where(sides > sides.min(), np.sqrt(volume_m3 / np.prod(sides)), 1.0)
+    own = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - size / 2
+    outside = np.linalg.norm(np.maximum(own, 0.0), axis=1)
+    error = float(np.where(outside > 0.0, outside, -own.max(1)).max())
+    return Box(place_of(frame), vector_of(size), error * (error > _FLAT_M))
+
+
+def _nearest_capsule(points: np.ndarray) -> Capsule:
     middle = points.mean(0)
     axes = np.linalg.svd(points - middle, full_matrices=False)[2]
     best = min((_descend(points, middle, axis) for axis in axes), key=lambda found: found.cost)

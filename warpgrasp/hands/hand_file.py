@@ -35,7 +35,7 @@ _DATA = Path(__file__).parent / "data"
 SHIPPED = ("utah_mit", "allegro", "leap", "barrett")
 ACROSS = 0.5
 """Share of a pad's side across its axis, least."""
-_IDLE = {"box": (("radius_mm", "fit_error_mm"), "box_mm, at_mm and turn are all of it"),
+_IDLE = {"box": (("radius_mm",), "box_mm, at_mm and turn are all of it"),
          "capsule": (("at_mm", "turn"), "capsule_mm says where its ends are")}
 """Of each kind of shape the keys that would say nothing, and why."""
 _Three = tuple[float, float, float]
@@ -214,7 +214,7 @@ def _shape(given: _Shape, where: str) -> Shape:
         if key in given.model_fields_set:
             raise HandError(f"{where}: a {kind} with {key}; should be without, for {why}")
     if given.box_mm is not None:
-        return Box(_place(given, where), _metres(given.box_mm))
+        return Box(_place(given, where), _metres(given.box_mm), given.fit_error_mm / 1e3)
     start, end = given.capsule_mm or (STILL[:3], STILL[:3])
     return Capsule(_metres(start), _metres(end), given.radius_mm / 1e3, given.fit_error_mm / 1e3)
 

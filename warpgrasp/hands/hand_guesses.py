@@ -41,6 +41,9 @@ _FIRST = 1e-3
 """Share of a closing that shows where tips go first."""
 _OPPOSED = -0.5
 """Cosine between the ways of two fingers below which they go against each other."""
+_CENTRED = 0.05
+"""Shapes are about their frame's origin if their middle is nearer to it than this share of their
+farthest point [est]."""
 
 Bending = tuple[tuple[HandJoint, ...], ...]
 """The joints that bend each finger."""
@@ -171,12 +174,16 @@ def guessed_frame(model: HandModel) -> Place:
                               [np.array([[0.0, 0.0, 0.0, 1.0]])]]))
 
 
-def farthest_point(shapes: tuple[Shape, ...]) -> np.ndarray:
-    """The middle of the far end of shapes, seen from their frame's origin (3,) [m]."""
+def farthest_point(shapes: tuple[Shape, ...], ahead: np.ndarray) -> np.ndarray:
+    """The middle of the far end of shapes, seen from their frame's origin (3,) [m].
+
+    Shapes about that origin have no end that is farther than the other: theirs is the one towards
+    `ahead` (3,), where the link before leads; if that has no length, their farthest point's.
+    """
     points = np.concatenate([_outline(shape) for shape in shapes])
-    way = points.mean(0)
-    if np.linalg.norm(way) < 1e-9:
-        way = points[int(np.argmax((points**2).sum(1)))]
+    way, sizes = points.mean(0), np.linalg.norm(points, axis=1)
+    if np.linalg.norm(way) < _CENTRED * sizes.max():
+        way = ahead if np.linalg.norm(ahead) > 1e-9 else points[int(np.argmax(sizes))]
     way = way / np.linalg.norm(way)
     return way * float((points @ way).max())
 

@@ -42,6 +42,8 @@ class Box:
 
     place: Place
     size: Vector
+    fit_error_m: float = 0.0
+    """As a capsule's."""
 
 
 Shape = Capsule | Box

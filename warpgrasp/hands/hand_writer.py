@@ -93,9 +93,10 @@ def _joint(joint: HandJoint, mark: str) -> list[str]:
 
 def _shape(shape: Shape) -> list[str]:
     if isinstance(shape, Box):
-        return [f"box_mm = {_mm(shape.size)}", *_place(shape.place)]
-    lines = [f"capsule_mm = [{_mm(shape.start)}, {_mm(shape.end)}]",
-             f"radius_mm = {_number(shape.radius * 1e3)}"]
+        lines = [f"box_mm = {_mm(shape.size)}", *_place(shape.place)]
+    else:
+        lines = [f"capsule_mm = [{_mm(shape.start)}, {_mm(shape.end)}]",
+                 f"radius_mm = {_number(shape.radius * 1e3)}"]
     if shape.fit_error_m:
         lines.append(f"fit_error_mm = {_number(shape.fit_error_m * 1e3)}")
     return lines

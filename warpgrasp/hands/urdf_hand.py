@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_checks import NEAR, check_hand
-from warpgrasp.hands.hand_frames import place_of
+from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_guesses import farthest_point, with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
@@ -80,9 +80,9 @@ def hand_from_urdf(
         tree.name, f"{file.name}, read by `warpgrasp hand`", "", STILL,
         _rigid(tree, root, chains), fingers, "", "tendons", (), ())
     where = [("palm", model.palm), *((f"joint {j.name}", j.shapes) for j in model.joints)]
-    fits = tuple(f"{name}: a capsule stands for a mesh or cylinder, off by at most "
-                 f"{shape.fit_error_m * 1e3:.2f} mm" for name, shapes in where
-                 for shape in shapes if isinstance(shape, Capsule) and shape.fit_error_m)
+    fits = tuple(f"{name}: a {'capsule' if isinstance(shape, Capsule) else 'box'} stands for a "
+                 f"mesh or cylinder, off by at most {shape.fit_error_m * 1e3:.2f} mm"
+                 for name, shapes in where for shape in shapes if shape.fit_error_m)
     before = {joint.name for joint in tree.path(root)}
     beside = [joint.name for joint in tree.joint_to.values()
               if joint.turns and joint.name not in beyond | before]
@@ -163,7 +163,7 @@ def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarr
             return frame[:3, 3]
         frames += [(joint.child, frame @ _still(joint, chains)) for joint in tree.children(name)]
     if last.shapes:
-        return farthest_point(last.shapes)
+        return farthest_point(last.shapes, matrix_of(last.place)[:3, :3].T @ last.place[:3])
     return max((frame[:3, 3] for _, frame in frames), key=lambda point: float(point @ point))
 
 

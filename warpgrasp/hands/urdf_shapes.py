@@ -1,5 +1,5 @@
 """Collision shapes of a URDF's links: boxes and balls as they are, cylinders with a ball at either
-end as capsules, other cylinders and meshes as fitted capsules."""
+end as capsules, other cylinders and meshes as fitted capsules, or as boxes where they are flat."""
 
 import math
 from pathlib import Path
@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from warpgrasp.hands.capsule_fit import capsule_of_cylinder, fit_capsule
+from warpgrasp.hands.capsule_fit import capsule_of_cylinder, fit_shape
 from warpgrasp.hands.hand_checks import MOST_SHAPE_M
 from warpgrasp.hands.hand_frames import place_of
 from warpgrasp.hands.hand_model import (
@@ -107,15 +107,11 @@ def _along(at: np.ndarray, half_m: float, radius_m: float, fit_error_m: float = 
     return Capsule(vector_of(start), vector_of(end), radius_m, fit_error_m)
 
 
-def _fitted(where: str, vertices: np.ndarray, at: np.ndarray) -> Capsule:
+def _fitted(where: str, vertices: np.ndarray, at: np.ndarray) -> Shape:
     try:
-        found = fit_capsule(vertices @ at[:3, :3].T + at[:3, 3])
+        return fit_shape(vertices @ at[:3, :3].T + at[:3, 3])
     except ValueError as error:
         raise HandError(f"{where}: {error}; a shape should have a volume") from None
-    if found.radius > MOST_SHAPE_M:
-        raise HandError(f"{where}: is so flat that only a part of a huge ball is like it; should "
-                        "be a box")
-    return found
 
 
 def _vertices(where: str, urdf: Path, name: str) -> np.ndarray:

@@ -163,8 +163,8 @@ def _check_closed(path: Path, edges: np.ndarray) -> None:
     if (counts == 1).any():
         raise BodyError(
             f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face; close "
-            "its holes first (trimesh.repair.fill_holes, MeshLab 'Close Holes', Blender 3D-Print "
-            "toolbox)")
+            "its holes first (trimesh.repair.fill_holes, with use_fan=True for holes of more than "
+            "four edges, MeshLab 'Close Holes', Blender 3D-Print toolbox)")
     if (counts > 2).any():
         raise BodyError(
             f"{path}: {int((counts > 2).sum())} edges are shared by more than two faces: remove "

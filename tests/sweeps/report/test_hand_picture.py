@@ -21,3 +21,12 @@ def test_axes_are_those_of_the_frame_of_the_grasp() -> None:
         points = faces.reshape(-1, 3)
         assert points[:, axis].max() == pytest.approx(0.1, abs=0.003)
         assert np.abs(np.delete(points, axis, axis=1)).max() < 0.0025
+
+
+def test_fingers_behind_the_palm_are_seen_from_the_other_side() -> None:
+    drawn = hand_picture(hand_named("leap"))
+    views = [axes for axes in drawn.axes if hasattr(axes, "azim")]
+    assert [axes.get_title() for axes in views] == [
+        "leap: open", "leap: closed", "leap: open, from behind", "leap: closed, from behind"]
+    turns = [(views[n + 2].azim - views[n].azim) % 360.0 for n in (0, 1)]  # pyright: ignore
+    assert turns == [180.0, 180.0]

@@ -14,7 +14,7 @@ from sweeps.cli import main as cli
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
 from warpgrasp.export.urdf import urdf_text
-from warpgrasp.hands.capsule_fit import fit_capsule
+from warpgrasp.hands.capsule_fit import fit_shape
 from warpgrasp.hands.hand_file import SHIPPED, hand_named
 from warpgrasp.hands.hand_frames import driven_angles, finger_tips, matrix_of
 from warpgrasp.hands.hand_model import Box, Capsule, Follow, HandModel
@@ -81,7 +81,8 @@ def test_a_capsule_as_good_as_a_ball_is_written_as_one(tmp_path: Path) -> None:
     mujoco = pytest.importorskip("mujoco")
     pytest.importorskip("yourdfpy")
     points = trimesh.creation.icosphere(subdivisions=4, radius=0.01).vertices + 0.02
-    fitted = fit_capsule(points)
+    fitted = fit_shape(points)
+    assert isinstance(fitted, Capsule)
     assert fitted.start == fitted.end == pytest.approx((0.02, 0.02, 0.02), abs=1e-5)
     tiny = tuple(Capsule((0.0, 0.0, z), (0.0, 0.0, z + length), 0.01)
                  for z, length in ((0.0, 1e-10), (0.02, 9e-7)))

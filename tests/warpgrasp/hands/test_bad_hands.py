@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
 from urdf_parts import joint, link, robot
 
 from sweeps.cli import main as cli
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
+from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Box, Capsule, HandError
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
@@ -75,9 +78,8 @@ BAD = {
     "number of a shape": ([*GOOD[:2], link("b", '<collision><geometry><sphere radius="1 cm"/>'
                                            "</geometry></collision>"), *GOOD[3:]],
                           'link b: radius="1 cm" of <sphere>; should be a number'),
-    "flat mesh": ([*GOOD[:2], link("b", '<collision><geometry><mesh filename="flat.obj"/>'
-                                   "</geometry></collision>"), *GOOD[3:]],
-                  "link b: mesh flat.obj: is so flat that only .*should be a box"),
+    "flat mesh": (with_shape('<mesh filename="flat.obj"/>'),
+                  "link b: mesh flat.obj: its points lie in one plane; a shape should have a vol"),
     "apart": ([*GOOD, link("c")], "links palm, c are moved by no joint; all but one should"),
     "mimic": ([*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j9"/>')],
               "joint j2: follows 'j9'; mimic should name"),
@@ -121,7 +123,7 @@ def test_a_bad_urdf_is_refused(name: str, tmp_path: Path,
     parts, message = BAD[name]
     file, out = tmp_path / "bad.urdf", tmp_path / "hand.toml"
     (tmp_path / "big.obj").write_text("v 0 0 0\nv 20 0 0\nv 0 20 0\nv 0 0 55\nf 1 2 3\nf 1 2 4\n")
-    plate = [f"v {x} {y} {z}" for x in (0, 0.06) for y in (0, 0.06) for z in (0, 0.001)]
+    plate = [f"v {x} {y} {z}" for x in (0, 0.03, 0.06) for y in (0, 0.06) for z in (0,)]
     (tmp_path / "flat.obj").write_text("\n".join([*plate, "f 1 2 3", "f 1 2 5"]))
     # A ball at the last link's frame gives it a tip one radius out.
     file.write_text(robot(parts))
@@ -357,3 +359,33 @@ def test_a_flat_cylinder_is_a_box_of_its_area(tmp_path: Path) -> None:
     x, y, z = plate.size
     assert x * y == pytest.approx(0.05**2 * np.pi)
     assert z == pytest.approx(0.004)
+
+
+def test_a_flat_mesh_is_a_box_of_its_volume(tmp_path: Path) -> None:
+    """So is a cylinder, and the nearest capsule to the palm of most hands is a ball, too."""
+    pytest.importorskip("yourdfpy")
+    for name, mesh, off in (
+            ("box", trimesh.creation.box((0.06, 0.08, 0.02)), 0.0),
+            ("prism", trimesh.creation.cylinder(0.05, 0.028, sections=6), 0.00947)):
+        mesh.export(tmp_path / f"{name}.stl")
+        shape = f'<geometry><mesh filename="{name}.stl"/></geometry>'
+        file = tmp_path / f"{name}.urdf"
+        file.write_text(robot([
+            link("palm", f'<collision><origin xyz="0 0.01 0.02" rpy="0.4 -0.3 1"/>{shape}'
+                         "</collision>"), link("a"), link("b"), *GOOD[3:]]))
+        model, notes = hand_from_urdf(file)
+        plate, = model.palm
+        assert isinstance(plate, Box)
+        assert np.prod(plate.size) == pytest.approx(mesh.volume)
+        assert plate.place[:3] == pytest.approx((0.0, 0.01, 0.02), abs=1e-9)
+        assert min(plate.size) == pytest.approx(mesh.extents.min())
+        thin = matrix_of(plate.place)[:3, int(np.argmin(plate.size))]
+        assert abs(thin @ Rotation.from_euler("xyz", (0.4, -0.3, 1)).apply((0, 0, 1))) > 1 - 1e-9
+        # The box has the sides 86.6 and 75 mm; a side of the prism goes from (50, 0) to (25, 43.3)
+        # and lies within the box where x = 50 - 25 t is as far from 43.3 as y = 43.3 t from 37.5.
+        assert plate.fit_error_m == pytest.approx(off, abs=1e-4)
+        said = [line for line in notes if line.startswith("palm: a box stands for a mesh")]
+        assert len(said) == (off > 0)
+        copy = tmp_path / f"{name}.toml"
+        copy.write_text(hand_text(model, notes, guessed=True))
+        assert hand_from_file(copy).palm[0].fit_error_m == pytest.approx(plate.fit_error_m)

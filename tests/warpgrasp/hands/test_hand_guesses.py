@@ -7,8 +7,16 @@ import pytest
 
 from warpgrasp.hands.hand_file import hand_from_file
 from warpgrasp.hands.hand_frames import link_frames, posture_angles
-from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, with_guesses
-from warpgrasp.hands.hand_model import STILL, Capsule, Finger, HandJoint, HandModel, Vector
+from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, farthest_point, with_guesses
+from warpgrasp.hands.hand_model import (
+    STILL,
+    Capsule,
+    Finger,
+    HandJoint,
+    HandModel,
+    Vector,
+    vector_of,
+)
 from warpgrasp.hands.hand_writer import hand_text
 
 ACROSS, ASIDE, UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -72,3 +80,18 @@ def test_a_thumb_is_turned_against_the_fingers() -> None:
     axes = [frames[0, -1, :3, :3] @ ACROSS for frames in
             link_frames(model, posture_angles(model, model.posture("open"))[None])]
     assert axes[-1] @ axes[0] < -0.95
+
+
+def test_the_tip_of_a_link_about_its_joint_is_where_the_finger_leads() -> None:
+    """Its middle is the joint but for rounding, which led to a place off the link's skin."""
+    along, off = np.array([0.6, 0.0, 0.8]), np.array([1e-6, 3e-6, -1e-6])
+    rod = Capsule(vector_of(off - 0.02 * along), vector_of(off + 0.02 * along), 0.008)
+    for sign in (1.0, -1.0):
+        tip = farthest_point((rod,), sign * 0.05 * along)
+        assert tip @ along == pytest.approx(sign * 0.028, abs=0.003)
+        assert np.linalg.norm(np.cross(tip, along)) < 1e-6
+    ball = Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.01)
+    assert farthest_point((ball,), np.array([0.0, 0.0, 0.03])) == pytest.approx((0, 0, 0.01))
+    assert np.linalg.norm(farthest_point((ball,), np.zeros(3))) == pytest.approx(0.01)
+    ahead = Capsule((0.0, 0.0, 0.0), (0.0, 0.04, 0.0), 0.008)  # whatever leads there
+    assert farthest_point((ahead,), np.array([0.0, 0.0, -1.0])) == pytest.approx((0, 0.048, 0))

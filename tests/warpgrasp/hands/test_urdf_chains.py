@@ -162,7 +162,7 @@ def test_what_is_before_the_palm_may_slide_and_float(tmp_path: Path) -> None:
         joint("free", "slide", "palm", kind="floating", limit=""), joint("j1", "palm", "a")]))
     model, _ = hand_from_urdf(file, palm="palm")
     assert [j.name for j in model.joints] == ["j1"]
-    assert finger_tips(model, np.zeros((1, 1))) == pytest.approx(np.array([[[0.01, 0.0, 0.03]]]))
+    assert finger_tips(model, np.zeros((1, 1))) == pytest.approx(np.array([[[0.0, 0.0, 0.04]]]))
     with pytest.raises(ValueError, match="joint rail: is prismatic; joints of a hand, beyond"):
         hand_from_urdf(file)
 

@@ -80,6 +80,21 @@ def test_an_open_mesh_says_what_is_open_and_how_to_mend_it(tmp_path: Path) -> No
         body_from_mesh(tmp_path / "open.ply", units="m")
 
 
+def test_holes_of_a_scan_close_by_the_mend_that_is_said(tmp_path: Path) -> None:
+    """More than a quad: without its option the repair leaves them open."""
+    mesh = trimesh.creation.icosphere(subdivisions=3, radius=0.04)
+    mesh.update_faces(mesh.triangles_center[:, 2] > -0.03)
+    mesh.export(tmp_path / "scan.ply")
+    with pytest.raises(BodyError) as error:
+        body_from_mesh(tmp_path / "scan.ply", units="m")
+    assert "fill_holes, with use_fan=True for" in str(error.value)
+    mesh = trimesh.load_mesh(tmp_path / "scan.ply")
+    trimesh.repair.fill_holes(mesh, use_fan=True)
+    mesh.export(tmp_path / "closed.ply")
+    body = body_from_mesh(tmp_path / "closed.ply", units="m")
+    assert body.high_m[2] == pytest.approx(0.07, abs=0.003)
+
+
 @pytest.mark.parametrize("first", range(6))
 def test_polygons_with_a_hollow_corner_are_no_lids(tmp_path: Path, first: int) -> None:
     """An L-shaped prism as Blender writes it: cut into a fan, its caps bridged the notch, but where
