@@ -107,7 +107,8 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
 
         out = rest["out"]
         make_folder(out)
-        compile_explored(chosen, device, bends=word == "chosen")
+        compile_explored(chosen, device, bends=word == "chosen", hand=robot["hand"].kind,
+                         arm=robot["arm"].kind)
         try:
             return explore_object(body_table=table, strategy=chosen, reconstruct=word, **robot,
                                   **rest)

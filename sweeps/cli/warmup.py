@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from warpgrasp.parameters import FitTable
+from warpgrasp.parameters import ArmTable, FitTable, HandTable
 
 if TYPE_CHECKING:
     from strategies.strategy import Strategy
@@ -64,6 +64,17 @@ TO_PLAN = {
         "strategies.foresight.prospect_kernel"),
 }
 """By planner."""
+OF_CHAINS = {
+    "warpgrasp.closing.closing_kernels": ("warpgrasp.chain_closing.chain_closing_kernels",),
+    "warpgrasp.touch.guarded_motion_kernel": ("warpgrasp.touch.chain_line_kernel",),
+    "strategies.contacts.field_placing_kernel": (
+        "strategies.contacts.chain_placing_kernel", "warpgrasp.chain.chain_clearance_kernel"),
+    "warpgrasp.mechanism.utah_mit_hand_kernel": (),
+}
+"""What another hand launches in place of a kernel of the Utah-MIT hand."""
+OF_ARMS = {"none": (), "puma560": ("warpgrasp.mechanism.puma560_kernel",)}
+"""What an arm launches to be solved for its joints; any other one `OF_SERIAL_ARMS`."""
+OF_SERIAL_ARMS = ("warpgrasp.arms.serial_arm_kernel",)
 FITS = (("ring6", "block", FitTable()), ("contour-first", "beer_bottle", FitTable()),
         ("ring6", "block", FitTable(taper=False)), ("ring6", "block", FitTable(bend=True)))
 """Strategies, objects and what is fitted, which ask for all programs that ship."""
@@ -77,14 +88,23 @@ def compile_kernels(device: str) -> float:
     return time.perf_counter() - begin
 
 
-def kernels_explored(strategy: "Strategy") -> list[str]:
-    """Modules with the kernels that an episode of `explore` launches."""
-    return [*(TO_CLOSE if "containment" in strategy.order else ()),
-            *(TO_FOLLOW if _FOLLOWING & set(strategy.order) else ()),
-            *TO_RECOVER, *TO_PLAN.get(strategy.call, ())]
+def kernels_explored(
+    strategy: "Strategy", hand: str = HandTable.kind, arm: str = ArmTable.kind
+) -> list[str]:
+    """Modules with the kernels that an episode of `explore` launches, with a hand and an arm."""
+    paper = [*(TO_CLOSE if "containment" in strategy.order else ()),
+             *(TO_FOLLOW if _FOLLOWING & set(strategy.order) else ()),
+             *TO_RECOVER, *TO_PLAN.get(strategy.call, ())]
+    instead = {"warpgrasp.mechanism.puma560_kernel": OF_ARMS.get(arm, OF_SERIAL_ARMS)}
+    if hand != HandTable.kind:
+        instead |= OF_CHAINS
+    return [name for of_paper in paper for name in instead.get(of_paper, (of_paper,))]
 
 
-def compile_explored(strategy: "Strategy", device: str, *, bends: bool) -> None:
+def compile_explored(
+    strategy: "Strategy", device: str, *, bends: bool, hand: str = HandTable.kind,
+    arm: str = ArmTable.kind
+) -> None:
     """Compile, on all cores, what `explore` asks for and the caches have no version of.
 
     Launches would compile one kernel after another, each when it is met, and the programs of the
@@ -98,7 +118,7 @@ def compile_explored(strategy: "Strategy", device: str, *, bends: bool) -> None:
 
     from warpgrasp.core.kernel_cache import has_kernels
 
-    names = kernels_explored(strategy)
+    names = kernels_explored(strategy, hand, arm)
     if wp.get_device(device).is_cpu:
         names = [name for name in names if not has_kernels(name)]
     with ThreadPoolExecutor(1) as beside:

@@ -61,19 +61,26 @@ def test_what_draws_an_episode_imports_no_simulator() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", STRATEGIES)
-def test_explore_compiles_at_once_what_its_strategy_launches(name: str) -> None:
+@pytest.mark.parametrize(("name", "hand", "arm"), [
+    *((name, "utah_mit", "puma560") for name in STRATEGIES),
+    ("planar", "allegro", "none"), ("any-object", "leap", "puma560"),
+    ("coverage", "utah_mit", "ur5e"), ("planar", "barrett", "panda")])
+def test_explore_compiles_at_once_what_its_strategy_launches(
+        name: str, hand: str, arm: str) -> None:
     """In a process of its own, since this one has launched the kernels of other tests. Fingers meet
     about a bowl, not about a block."""
     code = ("import sys, numpy as np; from strategies.ready_made import STRATEGIES; "
             "from sweeps.episode.episodes import run_block; from sweeps.spec.cell import Cell; "
             "from warpgrasp.objects.families import family_table; "
-            "[run_block(Cell(STRATEGIES[sys.argv[1]], table, 'it'), np.arange(1), 'cpu') "
+            "from warpgrasp.parameters import ArmTable, HandTable; name, hand, arm = sys.argv[1:]; "
+            "robot = {'hand': HandTable(kind=hand), 'arm': ArmTable(kind=arm)}; "
+            "[run_block(Cell(STRATEGIES[name], table, 'it', **robot), np.arange(1), 'cpu') "
             "for table in ({'name': 'block'}, {'name': 'funnel'}, family_table('bowl-1'))]; "
             "from warpgrasp.core import kernel_launch; print(*kernel_launch._launched)")
-    done = subprocess.run([sys.executable, "-c", code, name], check=True, capture_output=True,
-                          text=True, env={**os.environ, "PYTHONPATH": PYTHONPATH})
-    assert set(kernels_explored(STRATEGIES[name])) == set(done.stdout.split())
+    done = subprocess.run(
+        [sys.executable, "-c", code, name, hand, arm], check=True, capture_output=True, text=True,
+        env={**os.environ, "PYTHONPATH": PYTHONPATH})
+    assert set(kernels_explored(STRATEGIES[name], hand, arm)) == set(done.stdout.split())
 
 
 @pytest.mark.slow
