@@ -140,10 +140,13 @@ def strategy_of_argument(name: str) -> "Strategy":
 
 def _robot_of_arguments(hand: str, arm: str, strategy: "Strategy") -> dict[str, Any]:
     """The tables of a hand and an arm by their names or files, checked as a spec's are."""
+    from warpgrasp.parameters import ArmTable, HandTable
+
+    if (hand, arm) == (HandTable.kind, ArmTable.kind):
+        return {"hand": HandTable(), "arm": ArmTable()}  # none of what checks need is imported
     from sweeps.spec.errors import Problems, StoreError
     from sweeps.spec.hands import misfit_of, read_hand
     from sweeps.spec.named_files import read_arm
-    from warpgrasp.parameters import ArmTable, HandTable
 
     problems = Problems("", {})
     tables = {"hand": HandTable(kind=read_hand(hand, Path.cwd(), problems)),
