@@ -1,14 +1,23 @@
 """What a hand's first file guesses: which joints bend, how the thumb stands, what is closed."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warpgrasp.hands.hand_file import hand_from_file
-from warpgrasp.hands.hand_frames import link_frames, posture_angles
+from warpgrasp.hands.hand_frames import finger_tips, link_frames, matrix_of, posture_angles
 from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, with_guesses
-from warpgrasp.hands.hand_model import STILL, Capsule, Finger, HandJoint, HandModel, Vector
+from warpgrasp.hands.hand_model import (
+    STILL,
+    Capsule,
+    Finger,
+    Follow,
+    HandJoint,
+    HandModel,
+    Vector,
+)
 from warpgrasp.hands.hand_writer import hand_text
 
 ACROSS, ASIDE, UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
@@ -72,3 +81,22 @@ def test_a_thumb_is_turned_against_the_fingers() -> None:
     axes = [frames[0, -1, :3, :3] @ ACROSS for frames in
             link_frames(model, posture_angles(model, model.posture("open"))[None])]
     assert axes[-1] @ axes[0] < -0.95
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_a_hand_approaches_square_to_its_straight_fingers(coupled: bool) -> None:
+    """However far the open hand's fingers are bent: so its palm faces the object. Those of one
+    drive each are bent in all joints, and all the same their tips pass well before the palm."""
+    ranges = ((-0.1, 1.6), (0.0, 1.5), (0.0, 1.5))
+    fingers = [finger(name, 0.0, (ACROSS,) * 3, ranges) for name in "abc"]
+    if coupled:
+        fingers = [replace(one, joints=(one.joints[0], *(
+            replace(joint, follows=Follow(one.joints[0].name, 0.9, 0.0))
+            for joint in one.joints[1:]))) for one in fingers]
+    thumb = finger("thumb", 0.03, (UP, ACROSS), ((-0.2, 0.2), (0.0, 1.0)), np.pi / 2)
+    model = guessed(*fingers, thumb)
+    frame = matrix_of(model.grasp_frame)
+    np.testing.assert_allclose(frame[:3, 2], [1.0, 0.0, 0.0], atol=5e-3)
+    ways = np.linspace(*(posture_angles(model, model.posture(name)) for name in ("open", "closed")))
+    heights = (finger_tips(model, ways) - frame[:3, 3]) @ frame[:3, 2]
+    assert (heights[:, :3].max(0) > 0.05).all()
