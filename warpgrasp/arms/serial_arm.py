@@ -7,6 +7,7 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.arms.arm_model import ARM_JOINTS, ArmModel, Vector
 from warpgrasp.arms.serial_arm_kernel import (
+    MORE_STARTS,
     STARTS,
     SerialArm,
     come_kernel,
@@ -90,14 +91,29 @@ def serial_places(model: ArmModel, q_rad: np.ndarray) -> np.ndarray:
 def joint_choices(model: ArmModel, flange: np.ndarray, *, starts: int = STARTS,
                   device: str = "cpu") -> np.ndarray:
     """The joints (pose, start, joint) [rad] that home and the other starts come to at flange poses
-    (pose, 7); NaN where one comes to none."""
+    (pose, 7); NaN where one comes to none. Where none of them comes to a pose, further starts are
+    tried, and the first choice is that of the first start which does."""
+    found = _come_to(model, flange, 0, starts, device)
+    none = np.isnan(found).all((1, 2))
+    if none.any() and starts < MORE_STARTS:
+        more = _come_to(model, flange[none], starts, MORE_STARTS - starts, device)
+        best = np.isfinite(more).all(-1).argmax(1)
+        found[none, 0] = more[np.arange(len(more)), best]
+    return found
+
+
+def _come_to(model: ArmModel, flange: np.ndarray, before: int, starts: int, device: str
+             ) -> np.ndarray:
+    """The joints (pose, start, joint) [rad] that some starts, those after the first `before`, come
+    to; NaN where one comes to none."""
     out = wp.empty((len(flange), starts), dtype=vec7,  # pyright: ignore[reportArgumentType]
                    device=device)
     home = np.tile(padded(model.home_rad), (len(flange), 1))
     launch(come_kernel, {"pose": len(flange), "start": starts},
            {"flange": "pose", "near": "pose", "q": "pose start"}, {
         "arm": serial_of(model), "flange": array_of(flange, transform, device),
-        "near": array_of(home, vec7, device), "q": out}, device=device, heavy=True)
+        "near": array_of(home, vec7, device), "before": before, "q": out}, device=device,
+        heavy=True)
     return _unpadded(out.numpy(), model)
 
 

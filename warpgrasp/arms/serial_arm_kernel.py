@@ -5,6 +5,8 @@ The inverse is the Levenberg-Marquardt method with a damping that falls with the
 2011, "Solvability-unconcerned inverse kinematics by the Levenberg-Marquardt method"), within the
 joints' limits: a joint that is at a limit and pushed beyond it is held in that step. Where it does
 not come to the pose from the joints given, it begins anew from postures spread over the limits.
+From these a joint that turns nearly all the way round goes on at its other limit, once, and a
+descent that gets no nearer is given up: most descents that fail have a joint at a limit.
 """
 
 import warp as wp
@@ -28,13 +30,21 @@ from warpgrasp.core.dtypes import (
 from warpgrasp.core.turns import sine_cosine
 
 STARTS = 24
-"""Postures from which a pose is looked for at most; the first are the joints given and home."""
+"""Postures from which a pose is looked for; the first are the joints given and home."""
+MORE_STARTS = 60
+"""Postures at most, where the pose is not come to from those."""
 _STARTS = wp.constant(STARTS)
+_MORE_STARTS = wp.constant(MORE_STARTS)
 _ITERATIONS = wp.constant(48)
 _LENGTH = wp.constant(real(0.25))  # [m] that weighs as much as a radian [est]
 _NEAR = wp.constant(real(1e-8))  # [rad], and times `_LENGTH` [m]: the pose is reached
 _DAMPING = wp.constant(real(1e-9))
 _LONGEST = wp.constant(real(0.6))  # [rad] of any joint in a step
+_PATIENCE = wp.constant(8)  # iterations in which what is missed has to fall below this share of it,
+_NEARER = wp.constant(real(0.9))  # or the descent is given up
+_GAP = wp.constant(real(1.6))  # [rad] between a joint's limits the other way round at most, for
+# it to go on at the other one [est]
+_TURN = wp.constant(real(6.283185307179586))
 _GOLDEN = wp.constant(real(1.0969815577985598))  # x^8 = x + 1: evenly spread points in seven
 # dimensions (Roberts 2018, "The unreasonable effectiveness of quasirandom sequences")
 
@@ -102,14 +112,13 @@ def _missed(now: transform, wanted: transform):
 
 
 @wp.func
-def _moves(arm: SerialArm, q: vec7, at: vec3):
-    """How each joint moves a point [1/_LENGTH] and turns it, a row a joint."""
+def _moves(joints: int, axes: mat76, at: vec3):
+    """How each joint moves a point [1/_LENGTH] and turns it, a row a joint, from its place and
+    axis."""
     found = mat76()
-    t = transform(vec3(ZERO, ZERO, ZERO), quat(ZERO, ZERO, ZERO, ONE))
-    for j in range(arm.joints):
-        t = _joint_at(arm, t, j, q[j])
-        z = wp.quat_rotate(wp.transform_get_rotation(t), vec3(ZERO, ZERO, ONE))
-        way = wp.cross(z, at - wp.transform_get_translation(t)) / _LENGTH
+    for j in range(joints):
+        z = vec3(axes[j, 3], axes[j, 4], axes[j, 5])
+        way = wp.cross(z, at - vec3(axes[j, 0], axes[j, 1], axes[j, 2])) / _LENGTH
         found[j] = vec6(way[0], way[1], way[2], z[0], z[1], z[2])
     return found
 
@@ -149,23 +158,68 @@ def _damped_step(arm: SerialArm, moves: mat76, missed: vec6, held: int):
     return step
 
 
+@wp.func
+def _pushed(arm: SerialArm, q: vec7, step: vec7, j: int):
+    """Whether a joint is at a limit and a step takes it beyond."""
+    return (q[j] >= arm.high[j] and step[j] > ZERO) or (q[j] <= arm.low[j] and step[j] < ZERO)
+
+
+@wp.func
+def _moved(arm: SerialArm, q: vec7, step: vec7, beyond: int):
+    """Joints after a step, within the limits; those of `beyond`, a bit each, go on at the other
+    limit."""
+    for j in range(arm.joints):
+        angle = q[j] + step[j]
+        if (beyond & (1 << j)) != 0:
+            if angle > arm.high[j]:
+                angle = angle - _TURN
+            elif angle < arm.low[j]:
+                angle = angle + _TURN
+        q[j] = wp.clamp(angle, arm.low[j], arm.high[j])
+    return q
+
+
 @wp.func(inline=False)
-def _come_to(arm: SerialArm, wanted: transform, start: vec7):
-    """Joints within the limits at the pose, from `start`; NaN where it is not come to."""
+def _come_to(arm: SerialArm, wanted: transform, start: vec7, stays: bool):
+    """Joints within the limits at the pose, from `start`; NaN where it is not come to. Of one that
+    `stays` no joint goes on at its other limit, and it is not given up early."""
     q = vec7()
     for j in range(arm.joints):
         q[j] = wp.clamp(start[j], arm.low[j], arm.high[j])
+    went_round = int(0)
+    nearest = real(1e30)
+    since = int(0)
     for _ in range(_ITERATIONS):
-        now = serial_flange(arm, q)
+        axes = mat76()
+        now = transform(vec3(ZERO, ZERO, ZERO), quat(ZERO, ZERO, ZERO, ONE))
+        for j in range(arm.joints):
+            now = _joint_at(arm, now, j, q[j])
+            p = wp.transform_get_translation(now)
+            z = wp.quat_rotate(wp.transform_get_rotation(now), vec3(ZERO, ZERO, ONE))
+            axes[j] = vec6(p[0], p[1], p[2], z[0], z[1], z[2])
+        now = wp.transform_multiply(now, arm.flange)
         missed = _missed(now, wanted)
-        if wp.dot(missed, missed) < _NEAR * _NEAR:
+        far = wp.dot(missed, missed)
+        if far < _NEAR * _NEAR:
             return q
-        moves = _moves(arm, q, wp.transform_get_translation(now))
+        since += 1
+        if far < _NEARER * _NEARER * nearest:
+            nearest = far
+            since = int(0)
+        if since > _PATIENCE and not stays:
+            break
+        moves = _moves(arm.joints, axes, wp.transform_get_translation(now))
         step = _damped_step(arm, moves, missed, 0)
         held = int(0)
+        beyond = int(0)
         for j in range(arm.joints):
-            if (q[j] >= arm.high[j] and step[j] > ZERO) or (q[j] <= arm.low[j] and step[j] < ZERO):
-                held = held | (1 << j)
+            if _pushed(arm, q, step, j):
+                gap = _TURN - (arm.high[j] - arm.low[j])
+                if stays or gap > _GAP or (went_round & (1 << j)) != 0:
+                    held = held | (1 << j)
+                else:
+                    beyond = beyond | (1 << j)
+        went_round = went_round | beyond
         if held != 0:
             step = _damped_step(arm, moves, missed, held)
         longest = real(0.0)
@@ -173,8 +227,7 @@ def _come_to(arm: SerialArm, wanted: transform, start: vec7):
             longest = wp.max(longest, wp.abs(step[j]))
         if longest > _LONGEST:
             step = step * (_LONGEST / longest)
-        for j in range(arm.joints):
-            q[j] = wp.clamp(q[j] + step[j], arm.low[j], arm.high[j])
+        q = _moved(arm, q, step, beyond)
     q[0] = wp.sqrt(-ONE)
     return q
 
@@ -213,8 +266,10 @@ def serial_joints(arm: SerialArm, wanted: transform, last: vec7):
     if serial_beyond(arm, wanted):
         return best
     nearest = real(1e30)
-    for number in range(_STARTS):
-        q = _come_to(arm, wanted, serial_start(arm, number, last))
+    for number in range(_MORE_STARTS):
+        if number >= _STARTS and wp.isfinite(best[0]):
+            return best
+        q = _come_to(arm, wanted, serial_start(arm, number, last), number == 0)
         if wp.isfinite(q[0]):
             if number == 0:
                 return q
@@ -248,17 +303,20 @@ def come_kernel(
     # Pose in:
     flange: wp.array[transform],
     near: wp.array[vec7],
+    before: int,
     # Joints out:
     q: wp.array2d[vec7],
 ):
-    """The joints that each start comes to at each pose; NaN where it does not."""
-    i, number = wp.tid()
+    """The joints that each start comes to at each pose, of those after the first `before`; NaN
+    where it does not."""
+    i, column = wp.tid()
     i += first
+    number = before + column
     found = vec7()
     found[0] = wp.sqrt(-ONE)
     if not serial_beyond(arm, flange[i]):
-        found = _come_to(arm, flange[i], serial_start(arm, number, near[i]))
-    q[i, number] = found
+        found = _come_to(arm, flange[i], serial_start(arm, number, near[i]), number == 0)
+    q[i, column] = found
 
 
 @wp.kernel(enable_backward=False)

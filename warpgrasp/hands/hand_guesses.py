@@ -90,10 +90,21 @@ def _closing(model: HandModel, bending: Bending, turned_rad: Mapping[str, float]
 
 def _is_gripper(model: HandModel) -> bool:
     """Whether two fingers begin to close against each other."""
-    open_, closed = (posture_angles(model, model.posture(name)) for name in ("open", "closed"))
-    tip, after = finger_tips(model, np.stack([open_, open_ + _FIRST * (closed - open_)]))
-    ways = np.array([_unit(way) for way in after - tip])
+    ways = _first_ways(model, _open(model))
     return bool((ways @ ways.T).min() < _OPPOSED)
+
+
+def _first_ways(model: HandModel, q_rad: np.ndarray) -> np.ndarray:
+    """Where tips go first as the hand closes, from driven joints (driven,) [rad]: unit vectors in
+    the palm's frame, (finger, 3)."""
+    closing = posture_angles(model, model.posture("closed")) - _open(model)
+    tip, after = finger_tips(model, np.stack([q_rad, q_rad + _FIRST * closing]))
+    return np.array([_unit(way) for way in after - tip])
+
+
+def _open(model: HandModel) -> np.ndarray:
+    """Angles of the driven joints of the open hand [rad], (driven,)."""
+    return posture_angles(model, model.posture("open"))
 
 
 def _against_fingers(model: HandModel, bending: Bending) -> dict[str, float]:
@@ -150,21 +161,22 @@ def guessed_thumb(model: HandModel) -> str:
 
 
 def guessed_frame(model: HandModel) -> Place:
-    """In the palm's frame: z is where the fingers' tips go first when the hand closes, or, if the
-    thumb's tip goes the other way, where the open fingers point; x leads from the fingers' bases
-    to the thumb's; the origin is the middle between them."""
-    open_, closed = (posture_angles(model, model.posture(name)) for name in ("open", "closed"))
+    """In the palm's frame: z is where the tips of straight fingers go first when the hand closes,
+    or, if the open thumb's tip goes the other way, where the open fingers point; x leads from the
+    fingers' bases to the thumb's; the origin is the middle between them."""
+    open_ = _open(model)
     base = np.array([finger.joints[0].place[:3] for finger in model.fingers])
-    tip, after = finger_tips(model, np.stack([open_, open_ + _FIRST * (closed - open_)]))
+    tip = finger_tips(model, open_[None])[0]
     is_thumb = np.array([finger.name == model.thumb for finger in model.fingers])
-    first, points = _unit((after - tip)[~is_thumb].mean(0)), _unit((tip - base)[~is_thumb].mean(0))
+    z, x = _unit((tip - base)[~is_thumb].mean(0)), np.zeros(3)
     fingers = middle = base[~is_thumb].mean(0)
-    z, x = points, np.zeros(3)
     if is_thumb.any():
         middle = (fingers + base[is_thumb][0]) / 2
         x = base[is_thumb][0] - fingers
-        if first @ _unit((after - tip)[is_thumb][0]) > _OPPOSED and first.any():
-            z = first
+        ways = _first_ways(model, open_)
+        if _unit(ways[~is_thumb].mean(0)) @ ways[is_thumb][0] > _OPPOSED and ways[~is_thumb].any():
+            # Tips of fingers that are bent go towards the wrist, too; those of straight ones not.
+            z = _unit(_first_ways(model, _angles(model))[~is_thumb].mean(0))
     z = z if z.any() else np.array([0.0, 0.0, 1.0])
     x = _unit(x - z * (x @ z))
     if not x.any():

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from warpgrasp.arms.arm_file import SHIPPED_ARMS, arm_named
-from warpgrasp.arms.arm_model import ArmModel
+from warpgrasp.arms.arm_model import ArmJoint, ArmModel
 from warpgrasp.arms.serial_arm import (
     arm_reach_m,
     flange_poses,
@@ -114,6 +114,37 @@ def test_a_small_motion_keeps_the_configuration(name: str) -> None:
     found = nearest_joints(model, flange_poses(model, near), q)
     assert np.isfinite(found).all()
     assert np.quantile(np.abs(found - q).max(1), 0.98) < 0.15
+
+
+def unlike_arm(seed: int) -> ArmModel:
+    """Six joints of which no two axes meet, all limited to less than a turn."""
+    draw = np.random.default_rng(seed)
+    x, y, z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+    joints = []
+    for n, axis in enumerate((z, y, y, x, y, x)):
+        length = (0.1, 0.1, 0.35) if n < 3 else (0.3, 0.1, 0.1)
+        a, b, c = (float(v) for v in draw.uniform(-0.15, 1.0, 3) * length)
+        joints.append(ArmJoint(f"j{n}", (a, b, c), (0.0, 0.0, 0.0), axis,
+                               -float(draw.uniform(1.8, 3.1)), float(draw.uniform(1.8, 3.1)), 2.0))
+    still = (0.0, 0.0, 0.0)
+    return ArmModel("unlike", tuple(joints), still, still, (0.1, 0.0, 0.0), still, (0.0,) * 6)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_arms_of_unlike_proportions_are_found_too(seed: int) -> None:
+    """Few starts come to a pose by which the wrist's axes do not meet; all the same nearly every
+    pose is found again, within the limits, and the answer before moving says the same."""
+    model = unlike_arm(seed)
+    wanted = flange_poses(model, postures(model, 1000))
+    q = nearest_joints(model, wanted, np.tile(model.home_rad, (1000, 1)))
+    reached = np.isfinite(q).all(1)
+    assert reached.mean() > 0.998
+    low, high = limits(model)
+    assert ((q[reached] >= low) & (q[reached] <= high)).all()
+    np.testing.assert_allclose(flange_poses(model, q[reached])[:, :3], wanted[reached, :3],
+                               atol=1e-8)
+    choices = np.isfinite(joint_choices(model, wanted)[..., 0])
+    assert (np.count_nonzero(choices, axis=1) > 0).tolist() == reached.tolist()
 
 
 @settings(max_examples=20)

@@ -1,17 +1,19 @@
 """What a hand's first file guesses: which joints bend, how the thumb stands, what is closed."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from warpgrasp.hands.hand_file import hand_from_file
-from warpgrasp.hands.hand_frames import link_frames, posture_angles
+from warpgrasp.hands.hand_frames import finger_tips, link_frames, matrix_of, posture_angles
 from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, farthest_point, with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
     Capsule,
     Finger,
+    Follow,
     HandJoint,
     HandModel,
     Vector,
@@ -95,3 +97,22 @@ def test_the_tip_of_a_link_about_its_joint_is_where_the_finger_leads() -> None:
     assert np.linalg.norm(farthest_point((ball,), np.zeros(3))) == pytest.approx(0.01)
     ahead = Capsule((0.0, 0.0, 0.0), (0.0, 0.04, 0.0), 0.008)  # whatever leads there
     assert farthest_point((ahead,), np.array([0.0, 0.0, -1.0])) == pytest.approx((0, 0.048, 0))
+
+
+@pytest.mark.parametrize("coupled", [False, True])
+def test_a_hand_approaches_square_to_its_straight_fingers(coupled: bool) -> None:
+    """However far the open hand's fingers are bent: so its palm faces the object. Those of one
+    drive each are bent in all joints, and all the same their tips pass well before the palm."""
+    ranges = ((-0.1, 1.6), (0.0, 1.5), (0.0, 1.5))
+    fingers = [finger(name, 0.0, (ACROSS,) * 3, ranges) for name in "abc"]
+    if coupled:
+        fingers = [replace(one, joints=(one.joints[0], *(
+            replace(joint, follows=Follow(one.joints[0].name, 0.9, 0.0))
+            for joint in one.joints[1:]))) for one in fingers]
+    thumb = finger("thumb", 0.03, (UP, ACROSS), ((-0.2, 0.2), (0.0, 1.0)), np.pi / 2)
+    model = guessed(*fingers, thumb)
+    frame = matrix_of(model.grasp_frame)
+    np.testing.assert_allclose(frame[:3, 2], [1.0, 0.0, 0.0], atol=5e-3)
+    ways = np.linspace(*(posture_angles(model, model.posture(name)) for name in ("open", "closed")))
+    heights = (finger_tips(model, ways) - frame[:3, 3]) @ frame[:3, 2]
+    assert (heights[:, :3].max(0) > 0.05).all()
