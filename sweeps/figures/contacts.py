@@ -125,6 +125,7 @@ def _drawn(shown: ContactsShown, wide: bool) -> "Figure":
         if not near.all():
             flat.plot(points[~near, i], points[~near, j], "o", ms=2.5, mfc="none", mew=0.6,
                       color=CONTACT, label="not counted")
+        flat.use_sticky_edges = False  # the frame would lie on outlines and cut contacts there
         flat.set_aspect("equal")
         wide_enough = np.ptp(around[:, i]) > 0.35 * np.ptp(around[:, j])
         flat.xaxis.set_major_locator(MaxNLocator(3) if wide_enough else FixedLocator([0.0]))

@@ -92,7 +92,8 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
         ends.grid(axis="y", lw=0.3, color="#d0d0d0")
         ends.set(xticks=[], xlim=(-0.7, len(shown) - 0.3))
         known = any(np.isfinite(each[-1]) for each in highs)
-        ends.set_xlabel("at the end" + ",\n95 %" * known + " (cut)" * bool(end))
+        ends.set_xlabel("at the end" + (",\n95 %" + " (cut)" * bool(end) if known else
+                                       "\n(95 % cut)" if end else ""))
         ends.tick_params(axis="y", length=0)
         drawn.legend(loc="outside lower center", ncols=2, handlelength=3.2, title=keys,
                      title_fontsize=6.5)

@@ -5,7 +5,7 @@ time: the same study gives the same bytes.
 """
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,6 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
     first = board.rows[0]
     best = dict(zip(board.header, first, strict=True))
     strategies, objects = len(plan.study.strategies), len(plan.study.objects)
-    stem = f"{METRIC}_{'these' if paired.over == 'these' else 'ci'}"
     asked = (f"{strategies} strateg{'y' if strategies == 1 else 'ies'}, "
              f"{counted(objects, 'object')}, {counted(head.episodes_per_cell, 'episode')} of each "
              "strategy on each object"
@@ -91,9 +90,8 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
         '<a class="skip" href="#board">To the leaderboard</a><header>',
         f"<h1>{escape(head.name or 'study')}</h1>", paragraph(asked, "lead"),
         paragraph("No strategy has a score." if best[METRIC] == "NA" else
-                  f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm (95 % "
-                  f"interval of {POPULATIONS[paired.over]} {best[stem + '_low']} to "
-                  f"{best[stem + '_high']}), IoU {best['iou']}. {_rivals(board)}", "lead"),
+                  f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm "
+                  f"({_interval(best, paired.over)}), IoU {best['iou']}. {_rivals(board)}", "lead"),
         "</header><main>", _warnings(board, paired, shown),
         leaderboard_section(board, paired, METRIC), curves_section(curves),
         pareto_section(paired, METRIC), objects_section(paired, METRIC),
@@ -101,6 +99,16 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
         settings_section(plan, stores, METRIC), views_section(plan, shown),
         spec_section(_spec(stores), plan), reproduce_section(plan, _environment(stores)),
         "</main>"]
+
+
+def _interval(row: Mapping[str, str], over: str) -> str:
+    """The interval of a row's mean, of one of POPULATIONS; of the other where that is not known."""
+    for population in (over, *(name for name in POPULATIONS if name != over)):
+        stem = f"{METRIC}_{'these' if population == 'these' else 'ci'}"
+        low, high = row[f"{stem}_low"], row[f"{stem}_high"]
+        if "NA" not in (low, high):
+            return f"95 % interval of {POPULATIONS[population]} {low} to {high}"
+    return "no interval is known"
 
 
 def _rivals(board: Leaderboard) -> str:
@@ -111,8 +119,8 @@ def _rivals(board: Leaderboard) -> str:
         return ""
     ties = [sum(row[f"delta_{over}_low"] == "NA" or float(row[f"delta_{over}_low"]) <= 0.0
                 for row in rows) for over in ("these", "ci")]
-    return (f"Of the {len(rows)} others, {ties[0]} cannot be told from it on these objects, "
-            f"{ties[1]} on objects like these.")
+    return (f"Of the {counted(len(rows), 'other')}, {ties[0]} cannot be told from it on these "
+            f"objects, {ties[1]} on objects like these.")
 
 
 def _warnings(board: Leaderboard, paired: Paired, shown: Views) -> str:

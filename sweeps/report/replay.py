@@ -7,6 +7,7 @@ import io
 import time
 from collections.abc import Callable, Sequence
 from contextlib import redirect_stdout
+from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -63,10 +64,11 @@ def write_replay(replay: Replay, out: Path) -> None:
         for frame in range(len(replay.frames)):
             drawn.show(frame)
             serializer.insert_sleep(1.0 / PER_SECOND)
-        content = serializer.as_html(dark_mode=False).encode()
+        content = serializer.as_html(dark_mode=False)
     finally:
         _silently(server.stop)
-    write_result(out, content)
+    title = f"<title>{escape(replay.title)}</title>"
+    write_result(out, content.replace("<title>Viser</title>", title, 1).encode())
 
 
 def _play(replay: Replay, port: int) -> None:
@@ -113,8 +115,11 @@ class _Scene:
         scene.set_up_direction("+z")
         scene.add_box("/table", color=_TABLE, dimensions=(0.9, 0.9, 0.02),
                       position=(0.45, 0.0, -0.0101))
+        # Its front, though transparent, could hide the estimate: which of two transparent meshes is
+        # drawn first the browser decides.
         scene.add_mesh_simple("/object", replay.body_m.astype(np.float32),
-                              _triangles(replay.body_faces), color=_TRUE, opacity=0.45)
+                              _triangles(replay.body_faces), color=_TRUE, opacity=0.45,
+                              side="back")
         first = replay.frames[0]
         lengths = _lengths(np.stack([first.arm_m[:-1], first.arm_m[1:]], 1))
         self.arm = [_capsule(scene, f"/arm/{n}", length, radius, _ARM) for n, (length, radius)

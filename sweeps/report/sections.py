@@ -33,10 +33,11 @@ def leaderboard_section(board: Leaderboard, paired: Paired, metric: str) -> str:
     forest = drawing(draw_forest(paired, metric), "forest", "Mean chamfer distance by strategy",
                      "Means, and differences from the best, with 95 % intervals.")
     return section("Leaderboard", paragraph(
-        "All strategies meet the same objects, poses and noise. There are two 95 % intervals: _ci_ "
-        "of objects like these, _these_ of these objects with other episodes. Differences to the "
-        "best are paired, and hold for all strategies at once. Failed episodes count. given-prior "
-        "touches nothing: what it scores is what every strategy is given."),
+        "All strategies meet the same objects, poses and noise. There are two 95 % intervals: "
+        'columns "ci" are of objects like these, columns "these" of these objects with other '
+        "episodes. Differences to the best are paired, and hold for all strategies at once. Failed "
+        "episodes count. given-prior touches nothing: what it scores is what every strategy is "
+        "given."),
         forest, table("Ranked by the mean chamfer distance; any column's heading sorts",
                       *_with_intervals(board), row_names=1), name="board")
 
@@ -96,7 +97,7 @@ def objects_section(paired: Paired, metric: str) -> str:
             for label, row in zip(paired.labels, medians, strict=True)]
     full = objects_table(paired, metric)
     return section("Object by object", table(
-        f"Median {UNITS[metric]} over episodes; darker is worse",
+        f"Median {UNITS[metric]} over episodes; a stronger tint is worse",
         ("strategy", *paired.objects), rows, heat=[("", *row) for row in tints]),
         details("With intervals and costs", table(
             f"Medians with 95 % intervals; {', '.join(ALSO)} are means", full.header, full.rows,

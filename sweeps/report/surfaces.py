@@ -112,6 +112,7 @@ def surfaces_figure(shown: SurfacesShown) -> "Figure":
         for column, (solid, colour) in enumerate(((true, "#b8b8b8"), (faces, tint))):
             axes = drawn.add_subplot(2, 2, 2 * row + column + 1, projection="3d")
             axes.computed_zorder = False
+            axes.patch.set_visible(False)  # it would hide the labels of the row above
             draw_solid(axes, solid, eye, colour, light)
             if column:
                 seen = visible(points, faces, eye)

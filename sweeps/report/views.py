@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from strategies.recovery.choose_model import Shape
 from sweeps.analysis.entries import values_of
 from sweeps.analysis.rerun_episode import Episode, WorkerDied, cell_of, rerun_all
 from sweeps.episode.episodes import EpisodeBlock
@@ -131,6 +132,7 @@ def _view(plan: Plan, pick: Picked, block: EpisodeBlock) -> dict[str, Any]:
             "object": plan.study.objects[pick.episode.body].name, "episode": pick.episode.episode,
             "chamfer_mm": round(float(block.scores.chamfer_m[0] * 1e3), 3),
             "iou": round(float(block.scores.iou[0]), 4), "status": str(block.status[0]),
+            "prior": bool(block.recovered.shape[0] == Shape.PRIOR) and mesh_of_world(block) is None,
             **surface_data(block),
             **episode_data(recovered_grid(block.recovered, rows=16), block.truth.body_pose[0],
                            placed.points_m[0][placed.mask[0]])}

@@ -27,7 +27,7 @@ after it.</figcaption></figure></section>
 <section id="error" hidden><h2>Error against touches</h2><figure><svg class="plot" role="img"></svg>
 <ul id="legend"></ul><figcaption></figcaption></figure></section>
 </div>
-<section id="failures"><h2>Failures</h2><p class="soft" id="nofailure">No episode failed so far.</p>
+<section id="failures"><h2>Failures</h2><p class="soft" id="nofailure"></p>
 <div class="scroll"><table><tbody id="reasons"></tbody></table></div><ul id="units"></ul></section>
 </main>
 <footer class="soft"><span id="fresh"></span></footer>

@@ -174,9 +174,11 @@ class SweepView:
     def _headline(self, rows: list[Row], done: int) -> str:
         if not rows:
             return "no unit is finished yet" if not done else "no episode has a score yet"
+        if len(rows) == 1:
+            return rows[0].label
         near = sum(row.verdict != "worse" for row in rows) - 1
-        return (f"{rows[0].label} is first; {near} of {len(rows) - 1} others "
-                "cannot be told from it" if len(rows) > 1 else rows[0].label)
+        return (f"{rows[0].label} is first; {near} of {counted(len(rows) - 1, 'other')} "
+                "cannot be told from it")
 
     def _rows(self) -> list[Row]:
         """A row for each entry that has a score, the best of those that met most objects first."""

@@ -60,6 +60,7 @@ def as_text(state: State) -> str:
 def _ends(state: State) -> list[str]:
     """The lines below the table."""
     failed = ", ".join(f"{count:,} {name}" for name, count in state.failures)
+    failed = failed or ("none" if state.rows else "not known yet")
     return [on_one_line(line) for line in (
-        state.about, f"failed episodes: {failed or 'none'}",
+        state.about, f"failed episodes: {failed}",
         *(f"unit set aside: {text}" for text in state.failed_units))]

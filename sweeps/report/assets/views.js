@@ -25,7 +25,8 @@ if (stage) {
     solids.show(things, frameOf(body.metres));
     const text = `${episode.strategy}, ${episode.place}: ${episode.object}, episode `
       + `${episode.episode}. Chamfer ${episode.chamfer_mm} mm, IoU ${episode.iou}, `
-      + `${episode.status}.`;
+      + `${episode.status}.`
+      + (episode.prior ? " Nothing was recovered: the body shown is the given prior." : "");
     about.textContent = text;
     stage.setAttribute("aria-label", `3-D view. ${text} Arrow keys turn it, plus and minus zoom.`);
   };

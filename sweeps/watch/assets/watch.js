@@ -78,7 +78,7 @@ function scaleOf(rows) {
   return {low: low - room, high: high + room};
 }
 
-const WIDE = 272, TALL = 22;
+const WIDE = 272, TALL = 22;  // in the shape that the style sheet gives both, so one scale holds
 
 function place(value, scale) {
   const share = (value - scale.low) / (scale.high - scale.low);
@@ -233,8 +233,9 @@ function drawError(state) {
 
 function drawFailures(state) {
   at("nofailure").hidden = state.failures.length > 0 || state.failed_units.length > 0;
+  at("nofailure").textContent = state.rows.length ? "No episode failed so far." : "Not known yet.";
   at("reasons").replaceChildren(...state.failures.map(([reason, episodes]) => node("tr", {},
-    node("td", {class: "text"}, reason), node("td", {}, `${count(episodes)} episodes`))));
+    node("td", {class: "text"}, reason), node("td", {}, `${count(episodes)} episode${episodes === 1 ? "" : "s"}`))));
   at("units").replaceChildren(...state.failed_units.map(text => node("li", {}, text)));
 }
 

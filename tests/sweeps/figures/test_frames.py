@@ -9,9 +9,9 @@ from curved_episodes import table_rows, wide_study, wide_text, written
 from drawn_text import looks_right, texts
 from matplotlib.container import ErrorbarContainer
 
-from sweeps.analysis.bootstrap import REPLICATES
+from sweeps.analysis.bootstrap import REPLICATES, Estimate
 from sweeps.analysis.confusion import Confusion
-from sweeps.analysis.curves import curves_table, read_curves
+from sweeps.analysis.curves import Curves, curves_table, mean_curve, read_curves
 from sweeps.analysis.entries import Entry
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.pareto import COST
@@ -145,3 +145,22 @@ def test_titles_keep_their_words_beside_long_names(name: str) -> None:
         assert text_width_in(line, 7.5) < COLUMN_IN
     assert titled("block", "contacts") == "block: contacts"
     assert cut_to("block", 1.0) == "block"
+
+
+@pytest.mark.parametrize("last", [np.nan, 300.0])
+def test_what_is_cut_is_said_below_the_ends(tmp_path: Path, last: float) -> None:
+    """Also where the last interval is not known, and bands along the curves alone are cut."""
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 8))
+
+    def mean(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estimate:
+        found = mean_curve(curves, axis, entry, grid)
+        high = np.full(len(grid), 300.0)
+        high[-1] = last
+        return Estimate(found.value, found.low, high)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sweeps.figures.curves.mean_curve", mean)
+        drawn = KINDS["curves-touches"](Asked(plan, [store]))
+    looks_right(drawn)
+    below = drawn.axes[1].get_xlabel()
+    assert below == ("at the end\n(95 % cut)" if np.isnan(last) else "at the end,\n95 % (cut)")

@@ -168,6 +168,26 @@ def test_every_arm_is_drawn(name: str, tmp_path: Path) -> None:
     assert radii == sorted(radii, reverse=True)
 
 
+def test_a_page_is_named_and_its_object_hides_no_estimate(tmp_path: Path) -> None:
+    """The browser may draw the object before an estimate inside it: its back alone is drawn."""
+    viser = pytest.importorskip("viser")
+    arm = ArmTable(kind=FLOATING)
+    places, turn = arm_points(arm, arm_home(arm), 0.1)
+    frame = Frame(places, turn, np.zeros((1, 1, 2, 3)), np.zeros(1), 0, 0, "home")
+    body = np.array([[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0.1], [0.4, 0.1, 0.1]])
+    made = Replay("<b> & an arm", (frame, frame), np.zeros((0, 3)), (body.reshape(2, 2, 3),), body,
+                  np.array([[0, 1, 2, 3]]),
+                  HandShape(((0.01,),), np.zeros((1, 2, 3)), np.array([0.02])))
+    add = viser.SceneApi.add_mesh_simple
+    with patch.object(viser.SceneApi, "add_mesh_simple", autospec=True, side_effect=add) as drawn:
+        replay.write_replay(made, tmp_path / "replay.html")
+    sides = {call.args[1]: call.kwargs.get("side") for call in drawn.call_args_list}
+    assert (sides["/object"], sides["/estimate/0"]) == ("back", "double")
+    text = (tmp_path / "replay.html").read_text()
+    assert text.count("<title>") == 1
+    assert "<title>&lt;b&gt; &amp; an arm</title>" in text
+
+
 def test_an_episode_without_motion_is_said(tmp_path: Path) -> None:
     """And one whose robot cannot be run."""
     hand = replace(hand_named("barrett"), opposed=None)

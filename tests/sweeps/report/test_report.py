@@ -1,6 +1,5 @@
 """The report: its markup, its numbers, and its behaviour in a headless Chromium."""
 
-import base64
 import html
 import re
 import subprocess
@@ -11,47 +10,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from browser import asked_for, browser, needs_browser, pixels, said
-from curved_episodes import OBJECTS, wide_study, wide_text
+from curved_episodes import wide_study, wide_text
+from quick_views import drawn_views
 
 import sweeps.report.page
-from fit.superquadric.geometry import superquadric
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import MORE, make_leaderboard
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.cli import main as cli
-from sweeps.figures.meshes import surface_grid
 from sweeps.report.html import source_hash
 from sweeps.report.page import make_report
-from sweeps.report.views import (
-    Picked,
-    Views,
-    body_data,
-    episode_data,
-    make_views,
-    pick_episodes,
-    pick_objects,
-)
+from sweeps.report.views import make_views, pick_episodes, pick_objects
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
-from warpgrasp.objects.catalogue import body_from_name
 
 EVIL = '<script>alert("x")</script>&amp;\'"'
-
-
-def drawn_views(plan: Plan, picked: list[Picked], device: str = "cpu",
-                workers: int = 1, say: object = None) -> Views:
-    """Views of the right size without running an episode: an ellipsoid and 120 contacts each."""
-    points = np.random.default_rng(1).normal(0, 0.03, (120, 3))
-    grid = surface_grid(superquadric(np.array([[0.03, 0.03, 0.06]]), np.array([[1.0, 1.0]])), 16)
-    pose = np.array([0, 0, 0, 0, 0, 0, 1.0])
-    return Views(
-        {name: body_data(body_from_name(name)) for name in OBJECTS[:len(plan.study.objects)]},
-        [{"place": p.place, "strategy": plan.study.strategies[p.episode.strategy].name,
-          "object": plan.study.objects[p.episode.body].name, "episode": p.episode.episode,
-          "chamfer_mm": p.chamfer_mm, "iou": 0.5, "status": "ok",
-          "unsure": base64.b64encode(bytes(60 for _ in range(16 * 32))).decode(),
-          **episode_data(grid, pose, points)} for p in picked], [])
 
 
 @pytest.fixture

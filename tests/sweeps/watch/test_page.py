@@ -14,6 +14,7 @@ from studies import fill, plan_of
 
 from sweeps.watch.server import Watcher
 from sweeps.watch.state import Row, State
+from sweeps.watch.terminal import _ends
 
 SPEC = """\
 schema = 1
@@ -41,6 +42,12 @@ def drawn(folder: Path, monkeypatch: pytest.MonkeyPatch, rows: list[Row],
           curves: tuple[Any, ...] = ()) -> dict[str, Any]:
     """What stands on the page of a sweep with these rows."""
     state = State("sweep", "s", False, "h", (), 1.0, "chamfer_mm", "a", tuple(rows), 0, (), curves)
+    return looked_at(folder, monkeypatch, state, LOOK)
+
+
+def looked_at(folder: Path, monkeypatch: pytest.MonkeyPatch, state: State, look: str,
+              width: int = 1280, scheme: str = "light") -> dict[str, Any]:
+    """What a script finds on the page of a state."""
     fill(folder / "out", plan_of(folder / "spec", SPEC))
     with Watcher(folder / "out", 0, "chamfer_mm") as server:
         monkeypatch.setattr(server.view, "json", lambda: json.dumps(
@@ -48,12 +55,16 @@ def drawn(folder: Path, monkeypatch: pytest.MonkeyPatch, rows: list[Row],
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
             with browser(folder / "profile", loopback=True) as driver:
+                driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
+                    "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False})
+                driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {
+                    "features": [{"name": "prefers-color-scheme", "value": scheme}]})
                 driver.get(server.address)
                 for _ in range(100):
-                    if driver.find_elements("css selector", "#rows tr"):
+                    if driver.find_elements("css selector", "#name .pill"):
                         break
                     time.sleep(0.1)
-                found = driver.execute_script(LOOK)
+                found = driver.execute_script(look)
                 assert said(driver) == []
         finally:
             server.shutdown()
@@ -95,3 +106,74 @@ def test_curves_are_steps_of_different_colours_with_a_legend(
     assert all(re.fullmatch(r"M[\d.]+ [\d.]+(H[\d.]+V[\d.]+){2}", line) for line in found["lines"])
     assert len(set(found["strokes"])) == len(found["lines"]) == 6
     assert found["names"] == [*"abcdef", "others"]
+
+
+SHAPE = """
+const middle = part => { const box = part.getBoundingClientRect(); return box.x + box.width / 2; };
+const canvas = document.createElement("canvas").getContext("2d", {willReadFrequently: true});
+const light = colour => {
+  canvas.fillStyle = colour;
+  canvas.fillRect(0, 0, 1, 1);
+  const [r, g, b] = [...canvas.getImageData(0, 0, 1, 1).data].slice(0, 3).map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const ground = part => {
+  for (let at = part; at; at = at.parentElement) {
+    const colour = getComputedStyle(at).backgroundColor;
+    if (colour !== "rgba(0, 0, 0, 0)") return colour;
+  }
+};
+return {
+  wide: document.documentElement.scrollWidth - innerWidth,
+  axis: [...document.querySelectorAll("#head text")].map(middle),
+  lines: [...document.querySelectorAll("#rows tr")].map(
+    row => [...row.querySelectorAll(".zero")].map(middle)),
+  contrast: [...document.querySelectorAll(".tag, .pill")].map(part => {
+    const both = [light(getComputedStyle(part).color), light(ground(part))].sort((a, b) => b - a);
+    return [part.textContent, (both[0] + 0.05) / (both[1] + 0.05)];
+  }),
+  failures: document.getElementById("failures").innerText.split("\\n").map(s => s.trim()),
+};"""
+
+
+def race(rows: tuple[Row, ...], failures: tuple[tuple[str, int], ...] = (),
+         running: bool = True) -> State:
+    rungs = ((8, 6), (11, 2)) if rows else ()
+    return State("race", "r", running, "h", (), -1.0, "chamfer_mm", "a", rows, 0, rungs, (),
+                 failures)
+
+
+ROWS = (row("ant", 5.6, 5.0, 9.0, "best"), row("bee", 8.0, 5.2, 8.0, "tied"),
+        row("cow", 9.0, 8.2, 9.0, "worse"), row("dog", 9.0, 4.2, 9.0, "open"))
+
+
+@needs_browser
+@pytest.mark.parametrize("width", [360, 1600])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_the_page_is_readable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, width: int,
+                              scheme: str) -> None:
+    """Nothing is wider than the screen, lines of all rows stand below the axis' numbers, and words
+    on a colour have the contrast of 4.5 that WCAG asks for."""
+    found = looked_at(tmp_path, monkeypatch, race(ROWS, (("fit_failed", 2),)), SHAPE, width, scheme)
+    assert found["wide"] <= 0
+    assert len(found["axis"]) >= 2
+    for lines in found["lines"]:
+        assert lines == pytest.approx(found["axis"], abs=0.5)
+    assert {text for text, _ in found["contrast"]} == {
+        "best", "not better", "worse", "open", "race, running"}
+    assert [pair for pair in found["contrast"] if pair[1] < 4.5] == []
+
+
+@needs_browser
+@pytest.mark.parametrize(("rows", "failures", "says"), [
+    ((), (), "Not known yet."), (ROWS, (), "No episode failed so far."),
+    (ROWS, (("fit_failed", 1),), "1 episode"), (ROWS, (("fit_failed", 1200),), "1,200 episodes")])
+def test_failures_are_said_when_they_are_known(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: tuple[Row, ...],
+        failures: tuple[tuple[str, int], ...], says: str) -> None:
+    state = race(rows, failures)
+    found = looked_at(tmp_path, monkeypatch, state, SHAPE)["failures"]
+    assert found[-1].removeprefix("fit_failed").strip() == says
+    words = {"Not known yet.": "not known yet", "No episode failed so far.": "none"}
+    assert f"failed episodes: {words.get(says, says.split()[0] + ' fit_failed')}" in _ends(state)

@@ -65,6 +65,13 @@ def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path, metric: str) -> Non
     assert state.failures == (("fit_failed", failed),)
 
 
+def test_a_single_other_is_no_plural(tmp_path: Path) -> None:
+    wide_study(tmp_path, wide_text(2, 1, 4))
+    state = View(tmp_path, "chamfer_mm").state()
+    near = sum(row.verdict != "worse" for row in state.rows) - 1
+    assert state.headline.endswith(f" is first; {near} of 1 other cannot be told from it")
+
+
 def test_intervals_are_students_at_a_look_of_many(tmp_path: Path) -> None:
     plan = plan_of(tmp_path / "spec", SPEC)
     fill(tmp_path / "out", plan)
