@@ -61,7 +61,7 @@ def test_queries_of_a_wrong_shape_are_named(ask: Callable) -> None:
     ({"shared_m": np.zeros((2, 24))}, r"shared_m: shape \(2, 24\), should be \(2, 24, any\)"),
     ({"shared_m": np.full((2, 24, 1), np.nan)},
      r"shared_m: \[nan\] at touch 0 of fit 0, should be finite"),
-    ({"table_sigma_m": 0.0, "table_z": 0.0}, "table_sigma_m: 0.0, should be a finite number, above"),
+    ({"table_sigma_m": 0.0, "table_z": 0.0}, "table_sigma_m: 0.0, should be a finite number, ab"),
     ({"table_sigma_m": np.nan}, "table_sigma_m: nan, should be"),
     ({"sigma_floor_m": -1e-3}, "sigma_floor_m: -0.001, should be a finite number, 0 or more")])
 def test_touches_of_an_uncertainty_are_named(wrong: dict[str, Any], said: str) -> None:
