@@ -35,12 +35,17 @@ def check_numbers(options: Any, *names: str, low: float = 0.0, high: float = inf
     """Raises ValueError unless each option named is finite and from `low` to `high`; `above`: more
     than `low`."""
     for name in names:
-        value = getattr(options, name)
-        number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else nan
-        if not (low <= number <= high and number < inf) or (above and number == low):
-            first = f"above {low:g}" if above else f"{low:g} or more"
-            last = f", {high:g} at most" if high < inf else ""
-            raise ValueError(f"{name}: {value!r}, should be a finite number, {first}{last}")
+        check_number(name, getattr(options, name), low=low, high=high, above=above)
+
+
+def check_number(name: str, value: Any, *, low: float = 0.0, high: float = inf,
+                 above: bool = False) -> None:
+    """As `check_numbers`, of one value."""
+    number = float(value) if isinstance(value, Real) and not isinstance(value, bool) else nan
+    if not (low <= number <= high and number < inf) or (above and number == low):
+        first = f"above {low:g}" if above else f"{low:g} or more"
+        last = f", {high:g} at most" if high < inf else ""
+        raise ValueError(f"{name}: {value!r}, should be a finite number, {first}{last}")
 
 
 def checked_array(name: str, value, shape: tuple[int | None, ...], dtype=float) -> np.ndarray:

@@ -121,8 +121,7 @@ def prepare(
     low, high = bounds(np.inf, np.min), bounds(-np.inf, np.max)
     if covariance is not None:
         covariance = checked_array("covariance", covariance, (n, width, 3, 3))[rows, order]
-        sound = kept & is_valid(covariance).all(axis=(2, 3))
-        sound[sound] = _semidefinite(covariance[sound])
+        sound = with_covariance(kept, covariance)
         status = np.where((kept & ~sound).any(axis=1), FitStatus.bad_points, status)
         covariance = np.where(sound[..., None, None], covariance, 0.0)
         covariance = covariance / scale[:, None, None, None] ** 2
@@ -156,6 +155,14 @@ def _may_stand(low: np.ndarray, high: np.ndarray, table_z: np.ndarray) -> np.nda
     `table_z` [fit]: not all are below it, nor all far above it."""
     extent = np.maximum(np.linalg.norm(high - low, axis=1), LEAST_EXTENT_M)
     return (high[:, 2] >= table_z) & (low[:, 2] - table_z <= FAR * extent)
+
+
+def with_covariance(kept: np.ndarray, covariance: np.ndarray) -> np.ndarray:
+    """Which of the touches `kept` [fit, point] have a covariance [fit, point, 3, 3] that is one:
+    of valid numbers, no variance negative."""
+    sound = kept & is_valid(covariance).all(axis=(2, 3))
+    sound[sound] = _semidefinite(covariance[sound])
+    return sound
 
 
 def _semidefinite(covariance: np.ndarray) -> np.ndarray:

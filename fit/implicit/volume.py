@@ -20,6 +20,7 @@ from fit.implicit.process import SQRT3, distances, matern
 from fit.implicit.query import implicit_distance
 from fit.implicit.record import ImplicitFit, Mean, TriangleMesh
 from fit.optimize.batch import Program, map_lanes
+from fit.option_checks import check_number
 
 SAMPLES = 256
 """Points of a surface at which the covariance is taken."""
@@ -57,8 +58,10 @@ def implicit_volume(
 
     `errors` are those that the mean has before any touch; None: it is known. `shared_m` is the
     standard deviation [m] of an error along the normal that all touches share: the process takes
-    it for a larger or smaller body. Raises ValueError for another number of meshes than fits.
+    it for a larger or smaller body. Raises ValueError for another number of meshes than fits, and
+    for a `shared_m` that is not finite or below zero.
     """
+    check_number("shared_m", shared_m)
     if len(meshes) != len(fits):
         raise ValueError(f"meshes: {len(meshes)} for {len(fits)} fits")
     surface = np.stack([surface_samples(mesh, SAMPLES) for mesh in meshes]).reshape(-1, SAMPLES, 3)

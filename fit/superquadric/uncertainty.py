@@ -12,7 +12,8 @@ import numpy as np
 from jaxtyping import Float
 
 from fit.arrays import is_valid, row_medians, row_products, row_sums
-from fit.option_checks import checked_array
+from fit.option_checks import check_number, checked_array
+from fit.prepare import with_covariance
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
@@ -70,15 +71,23 @@ def superquadric_uncertainty(
     each touch is n.C n + sigma_floor^2, scaled up if the residuals are larger. `shared_m` are
     errors that touches share and that do not average out (calibration, skin): by how much one
     standard deviation of each moves each touch along the normal; or a function that says so of the
-    unit normals (fit, point, 3). Raises ValueError for an array of the wrong shape.
+    unit normals (fit, point, 3).
+
+    A touch that is no number, or whose covariance is none (NaN, a negative variance: the fit is
+    then `bad_points`), counts as not made. Raises ValueError for an array of the wrong shape, for a
+    `sigma_floor_m` below zero, a `table_sigma_m` that is not above it, and a `shared_m` that is not
+    finite where a touch is.
     """
+    check_number("sigma_floor_m", sigma_floor_m)
+    check_number("table_sigma_m", table_sigma_m, above=True)
     body = _body(fit)
     points = checked_array("points", points, (len(body.size_m), None, 3))
     shape = points.shape[:2]
     mask = checked_array("mask", np.ones(shape) if mask is None else mask, shape, bool)
+    kept = is_valid(points).all(axis=2) & mask
     if covariance is not None:
         covariance = checked_array("covariance", covariance, (*shape, 3, 3))
-    kept = is_valid(points).all(axis=2) & mask
+        kept = with_covariance(kept, covariance)
     points = np.where(kept[..., None], points, body.position_m[:, None] + body.size_m[:, None])
     fitted = np.ones((len(points), 15), bool)
     fitted[:, 11:13] = (body.taper != 0).any(axis=1, keepdims=True)
@@ -99,6 +108,7 @@ def superquadric_uncertainty(
         # What least squares make of each of these errors.
         shifts = checked_array("shared_m", shared_m(normal) if callable(shared_m) else shared_m,
                                (*shape, None))
+        _check_finite("shared_m", shifts, kept)
         moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
@@ -106,6 +116,15 @@ def superquadric_uncertainty(
     log_volume_std = _log_volume_std(body, cov)
     return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std,
                                    np.zeros(len(points)))
+
+
+def _check_finite(name: str, values: np.ndarray, kept: np.ndarray) -> None:
+    """Raises ValueError where a touch that is `kept` has a value (fit, point, any) of none."""
+    bad = np.argwhere(kept & ~np.isfinite(values).all(axis=2))
+    if len(bad):
+        row, touch = bad[0]
+        raise ValueError(f"{name}: {values[row, touch].tolist()} at touch {touch} of fit {row}, "
+                         "should be finite numbers")
 
 
 def surface_std(

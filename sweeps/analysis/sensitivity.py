@@ -148,13 +148,18 @@ def sensitivity_table(plan: Plan, store: Store) -> tuple[list[tuple[str, ...]], 
             mean = f"{(means - _means(base)).mean():+.3f}"
         rows.append((key, value, side, number_text(_tau(_means(base), means), 2), best, least, mean,
                      _swapped(base, values, names, sure)))
-    chance = _tau_by_chance(base)
-    low, middle = (number_text(v, 2) for v in np.quantile(chance, [0.05, 0.5]))
     shape = "{2} objects x {3} episodes".format(*scores.shape)
     return rows, [
         f"{len(names)} strategies x {shape} a setting, ranked by mean {METRIC}",
-        f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
-        "a tau above that says nothing", *read]
+        _chance_note(base), *read]
+
+
+def _chance_note(base: np.ndarray) -> str:
+    if base.shape[-1] < 2:  # drawn again, one episode is itself: tau would be 1
+        return "fewer than two episodes do not tell which tau is chance"
+    low, middle = (number_text(v, 2) for v in np.quantile(_tau_by_chance(base), [0.05, 0.5]))
+    return (f"redrawing the default's episodes alone gives tau {middle} (5 %: {low}): "
+            "a tau above that says nothing")
 
 
 def _scores(plan: Plan, store: Store) -> tuple[np.ndarray, list[str]]:

@@ -22,6 +22,8 @@ from sweeps.text_table import TextTable, number_text
 
 MANY_VALUES = 8
 LEVELS = 4
+_ROUNDING = 1e-12
+"""Of a mean: settings whose means differ by less are equal, and nothing has a share in that."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +63,8 @@ def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterat
         mine = [n for n, entry in enumerate(paired.entries) if entry.strategy == number]
         means = paired.means[metric][0, mine]
         between = means.var()
+        if between <= (_ROUNDING * np.abs(means).max(initial=0.0)) ** 2:
+            between = 0.0
         for place, axis in enumerate(plan.study.axes):
             if place in plan.study.idle[number]:
                 continue

@@ -58,7 +58,12 @@ def test_queries_of_a_wrong_shape_are_named(ask: Callable) -> None:
     ({"points": TOUCHES[:1]}, r"points: shape \(1, 24, 3\)"),
     ({"mask": np.ones(24, bool)}, r"mask: shape \(24,\), should be \(2, 24\)"),
     ({"covariance": np.eye(3)}, r"covariance: shape \(3, 3\), should be \(2, 24, 3, 3\)"),
-    ({"shared_m": np.zeros((2, 24))}, r"shared_m: shape \(2, 24\), should be \(2, 24, any\)")])
+    ({"shared_m": np.zeros((2, 24))}, r"shared_m: shape \(2, 24\), should be \(2, 24, any\)"),
+    ({"shared_m": np.full((2, 24, 1), np.nan)},
+     r"shared_m: \[nan\] at touch 0 of fit 0, should be finite"),
+    ({"table_sigma_m": 0.0, "table_z": 0.0}, "table_sigma_m: 0.0, should be a finite number, ab"),
+    ({"table_sigma_m": np.nan}, "table_sigma_m: nan, should be"),
+    ({"sigma_floor_m": -1e-3}, "sigma_floor_m: -0.001, should be a finite number, 0 or more")])
 def test_touches_of_an_uncertainty_are_named(wrong: dict[str, Any], said: str) -> None:
     bodies = superquadric(np.tile([0.02, 0.03, 0.05], (2, 1)), [0.5, 0.8])
     with pytest.raises(ValueError, match=said):

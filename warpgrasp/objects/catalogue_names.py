@@ -51,7 +51,7 @@ def family_hint(name: str) -> str:
 
 def member_of_family(name: str) -> tuple[str, int] | None:
     """Family and seed of an object such as "mug-17"; None where the name is no family's."""
-    match = re.fullmatch(r"([a-z_]+)-(0|[1-9]\d{0,3})", name)
+    match = re.fullmatch(r"([a-z_]+)-(0|[1-9][0-9]{0,3})", name)
     if match is None or match[1] not in FAMILY_NAMES or int(match[2]) > MOST_SEED:
         return None
     return match[1], int(match[2])

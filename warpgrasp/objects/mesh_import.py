@@ -1,5 +1,6 @@
 """Meshes from files: read, checked, stood on the table, baked to a distance grid, cached."""
 
+import codecs
 import hashlib
 import io
 import logging
@@ -99,6 +100,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     import trimesh  # heavy, and only meshes need it
 
     kind = path.suffix.lower().lstrip(".")
+    content = content.removeprefix(codecs.BOM_UTF8)  # editors write it, readers stumble over it
     _check_declared_faces(path, kind, content)
     if kind == "off":
         content = _fanned(content)
@@ -109,6 +111,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); STL, OBJ, PLY and OFF "
                         "files are") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
+        _check_length(path, kind, content)
         raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
     if len(mesh.faces) > LARGEST_FACE_COUNT:
         raise BodyError(f"{path}: {len(mesh.faces):,} faces; at most {LARGEST_FACE_COUNT:,}: "
@@ -184,12 +187,23 @@ def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
     elif kind == "stl" and len(head) >= 84 and not head.startswith(b"solid"):
         declared = int.from_bytes(head[80:84], "little")
     elif kind == "off":
-        declared = max(map(_count, head.split()[:4]), default=0)
+        words = [word for line in head.split(b"\n") for word in line.partition(b"#")[0].split()]
+        declared = max(map(_count, words[:4]), default=0)
     elif kind == "obj":
         declared = content.count(b"\nf")
     if declared > LARGEST_FACE_COUNT:
         raise BodyError(f"{path}: its header declares {declared:,} faces or vertices; at most "
                         f"{LARGEST_FACE_COUNT:,}")
+
+
+def _check_length(path: Path, kind: str, content: bytes) -> None:
+    """Refuse a binary STL in which no faces were found since its length is not what it says."""
+    if kind == "stl" and len(content) >= 84 and b"\0" in content:
+        declared = int.from_bytes(content[80:84], "little")
+        if len(content) != 84 + 50 * declared:
+            raise BodyError(f"{path}: its header declares {declared:,} faces, for which a binary "
+                            f"STL has {84 + 50 * declared:,} bytes; it has {len(content):,}: is it "
+                            "cut short? Export or copy it again")
 
 
 def _fanned(content: bytes) -> bytes:

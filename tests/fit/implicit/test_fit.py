@@ -217,3 +217,10 @@ def test_an_error_that_all_touches_share_moves_the_whole_surface(three) -> None:
     area = [trimesh.Trimesh(mesh.vertices_m, mesh.faces).area for mesh in meshes]
     assert np.allclose(shared.std_m3**2, volume.std_m3**2 + (0.001 * np.array(area)) ** 2)
     assert np.allclose(shared.surface_std_m**2, volume.surface_std_m**2 + 1e-6)
+
+
+@pytest.mark.parametrize("shared", [np.nan, -0.001, np.inf])
+def test_a_shared_error_that_is_none_is_named(three, shared: float) -> None:
+    fits, meshes, _ = three
+    with pytest.raises(ValueError, match=r"shared_m: .*, should be a finite number, 0 or more"):
+        implicit_volume(fits, meshes, shared_m=shared)

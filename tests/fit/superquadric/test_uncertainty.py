@@ -85,6 +85,24 @@ def test_padding_changes_no_bit() -> None:
             assert np.array_equal(getattr(again, name), value), name
 
 
+@pytest.mark.parametrize("none", [
+    np.full((3, 3), np.nan), np.diag([1e-6, np.inf, 1e-6]), -1e-6 * np.eye(3)])
+def test_a_touch_of_no_known_noise_counts_as_not_made(none: np.ndarray) -> None:
+    """It would count as one without noise: the less is known, the surer."""
+    rng = np.random.default_rng(3)
+    body = standing_bodies(2, rng)
+    points = touches(body, 37, 1e-3, rng)
+    covariance = np.tile(np.eye(3) * 1e-6, (2, 37, 1, 1))
+    shared = np.full((2, 37, 1), 1e-4)
+    mask = np.ones((2, 37), bool)
+    mask[1, :9] = False
+    masked = superquadric_uncertainty(body, points, mask, covariance=covariance, shared_m=shared)
+    covariance[1, :9], shared[1, :9] = none, np.nan
+    known = superquadric_uncertainty(body, points, covariance=covariance, shared_m=shared)
+    for name, value in vars(masked).items():
+        assert np.array_equal(getattr(known, name), value), name
+
+
 def test_the_centre_is_as_deep_as_the_least_half_extent() -> None:
     body = superquadric([0.03, 0.04, 0.06], [[1.0, 1.0], [0.1, 0.1]], [0.4, 0, 0.06])
     away, normal = surface_distance(body, body.position_m[:, None])

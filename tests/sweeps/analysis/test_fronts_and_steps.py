@@ -8,6 +8,7 @@ from curved_episodes import lists, table_rows, written
 
 from sweeps.analysis.curves import POINTS, curves_table, read_curves
 from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns
@@ -94,3 +95,14 @@ def test_of_equal_cost_the_better_dominates(tmp_path: Path, metric: str, worse: 
     told = {row["strategy"]: row["dominated_by"]
             for row in table_rows(KINDS["pareto"][0](Asked(plan, [store], metric, None, None)))}
     assert told == {"sx": "s", "s": ""}
+
+
+@pytest.mark.parametrize("value", [3.3, 7.77])
+def test_rounding_is_no_share_of_a_factor(tmp_path: Path, value: float) -> None:
+    """The mean of equal means is another number in its last digit."""
+    plan, store = written(
+        tmp_path, 5, lambda unit: {"chamfer_mm": np.full(8, value),
+                                   "robot_time_s": np.full(8, 100.0)},
+        '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6, 9]\n"object.yaw_deg" = [0, 45]\n')
+    table = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
+    assert {row["share"] for row in table_rows(table)} == {"NA"}

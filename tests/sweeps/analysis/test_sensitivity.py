@@ -115,6 +115,13 @@ def test_units_that_are_missing_are_left_out_of_all_settings(tmp_path) -> None:
     assert notes[-1].startswith("1 units are missing")
 
 
+def test_one_episode_tells_nothing_of_chance(tmp_path) -> None:
+    text = SMALL.replace("episodes_per_cell = 70", "episodes_per_cell = 1")
+    plan = plan_of(tmp_path / "spec", f"{text}[sweep.zip]\n{THRESHOLD}")
+    _, notes = sensitivity_table(plan, fill(tmp_path / "out", plan))
+    assert notes[1] == "fewer than two episodes do not tell which tau is chance"
+
+
 def test_where_nothing_has_a_score_there_is_no_best(tmp_path) -> None:
     plan = plan_of(tmp_path / "spec", f"{SMALL}[sweep.zip]\n{THRESHOLD}")
     store = Store(tmp_path / "out")

@@ -37,7 +37,7 @@ def test_every_family_makes_bodies_that_stand_on_the_table(family: str) -> None:
 def test_names_give_the_same_object_and_others_give_none() -> None:
     assert family_table("mug-17") == family_table("mug-17")
     assert family_table("mug-17") != family_table("mug-18")
-    for name in ("mug", "mug-", "mug-2000", "cup-1", "mug-1.5", "mug--1"):
+    for name in ("mug", "mug-", "mug-2000", "cup-1", "mug-1.5", "mug--1", "mug-1\u0661"):
         assert family_table(name) is None
     assert PUBLIC <= HELD_OUT
 

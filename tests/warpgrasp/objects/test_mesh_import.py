@@ -182,7 +182,8 @@ def test_faces_that_could_bound_two_bodies_are_refused(
         body_from_mesh(tmp_path / "shells.stl", units="m")
 
 
-@pytest.mark.parametrize("head", ["OFF\n12 8 0\n", "OFF 12 8 0  # a prism\n"])
+@pytest.mark.parametrize("head", [
+    "OFF\n12 8 0\n", "OFF 12 8 0  # a prism\n", "OFF\n# 20240131\n12 8 0\n"])
 def test_an_off_file_may_have_polygons(tmp_path: Path, head: str) -> None:
     """At five corners and more the reader itself fails."""
     angle = np.arange(12) * np.pi / 3
@@ -198,6 +199,16 @@ def test_an_off_file_may_have_polygons(tmp_path: Path, head: str) -> None:
     file.write_text(file.read_text().replace("6 5 4 3 2 1 0", "6 5 4 3 x 1 0"))
     with pytest.raises(BodyError, match=r"prism.off: not a mesh that can be read \("):
         mesh_triangles(file, units="mm")
+
+
+@pytest.mark.parametrize("kind", ["obj", "off"])
+def test_a_mark_of_byte_order_is_no_part_of_a_mesh(tmp_path: Path, kind: str) -> None:
+    file = tmp_path / f"block.{kind}"
+    text = str(trimesh.creation.box([40, 50, 60]).export(file_type=kind))
+    start = {"obj": "v ", "off": "OFF"}[kind]  # on what counts, not on a comment
+    file.write_text(text[text.index(start):], encoding="utf-8-sig")
+    mesh = trimesh.Trimesh(*mesh_triangles(file, units="mm"))
+    assert mesh.volume == pytest.approx(0.04 * 0.05 * 0.06)
 
 
 def test_a_klein_bottle_is_refused(tmp_path: Path) -> None:
@@ -257,6 +268,8 @@ def test_units_of_another_type_are_refused(tmp_path: Path) -> None:
     ("text.ply", b"hello, world", "not a mesh|no faces"),
     ("many.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 1000000000\nend_header\n",
      "declares 1,000,000,000"),
+    ("short.stl", trimesh.creation.box([40, 50, 60]).export(file_type="stl")[:-30],
+     "declares 12 faces, for which a binary STL has 684 bytes; it has 654: is it cut short"),
 ])
 def test_bad_files(tmp_path: Path, name: str, content: bytes | None, message: str) -> None:
     if content is not None:
