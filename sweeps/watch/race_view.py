@@ -8,7 +8,7 @@ from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import sign_of
 from sweeps.race.race_note import race_state
 from sweeps.race.race_units import RaceUnits
-from sweeps.race.verdict import amount
+from sweeps.race.verdict import amount, verdict_word
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
@@ -21,7 +21,6 @@ from sweeps.watch.state import (
     failures_of,
     pace_facts,
     pace_of,
-    verdict_word,
 )
 from sweeps.watch.unit_rows import CURVES_OF, UnitReader
 

@@ -24,16 +24,10 @@ class Row:
     behind: float | None
     """Its mean minus the first's."""
     verdict: str
-    """best, worse, open, tied (see `verdict_word`), or empty for open."""
+    """best, worse, open, tied (see `sweeps.race.verdict.verdict_word`), or empty for open."""
     episodes: int
     objects: int
     touches: float | None
-
-
-def verdict_word(verdict: str) -> str:
-    """What is shown for a verdict. A tied entry may be far behind: all that is known is that it is
-    not better than the best by more than the margin."""
-    return "not better" if verdict == "tied" else verdict or "open"
 
 
 @dataclass(frozen=True)

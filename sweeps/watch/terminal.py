@@ -5,8 +5,9 @@ import time
 from pathlib import Path
 
 from sweeps.analysis.entries import check_metric
+from sweeps.race.verdict import verdict_word
 from sweeps.text_table import number_text, print_table
-from sweeps.watch.state import Row, State, verdict_word
+from sweeps.watch.state import Row, State
 from sweeps.watch.view import View
 from warpgrasp.core.plain_text import on_one_line
 
