@@ -19,6 +19,7 @@ from sweeps.watch.state import (
     State,
     failed_units,
     failures_of,
+    faults_of,
     pace_facts,
     pace_of,
 )
@@ -79,7 +80,8 @@ class RaceView:
             tuple((entry["label"], curve) for entry, curve in zip(
                 entries, mean_errors([self._steps(entry) for entry in entries[:CURVES]]),
                 strict=False) if curve),
-            failures_of(found["statuses"]), failed_units(self.store.logs))
+            failures_of(found["statuses"]), failed_units(self.store.logs),
+            faults_of(found.get("faults", {})))
 
     def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
         pace = pace_of(self.store)

@@ -64,4 +64,4 @@ def _ends(state: State) -> list[str]:
     failed = failed or ("none" if state.rows else "not known yet")
     return [on_one_line(line) for line in (
         state.about, f"failed episodes: {failed}",
-        *(f"unit set aside: {text}" for text in state.failed_units))]
+        *state.faults, *(f"unit set aside: {text}" for text in state.failed_units))]
