@@ -75,8 +75,8 @@ def superquadric_uncertainty(
 
     A touch that is no number, or whose covariance is none (NaN, a negative variance: the fit is
     then `bad_points`), counts as not made. Raises ValueError for an array of the wrong shape, for a
-    `sigma_floor_m` below zero, a `table_sigma_m` that is not above it, and a `shared_m` that is not
-    finite where a touch is.
+    `sigma_floor_m` below zero, a `table_sigma_m` that is not above it, and an array `shared_m` that
+    is not finite where a touch is; where a function says so, that fit alone has no covariance.
     """
     check_number("sigma_floor_m", sigma_floor_m)
     check_number("table_sigma_m", table_sigma_m, above=True)
@@ -108,7 +108,8 @@ def superquadric_uncertainty(
         # What least squares make of each of these errors.
         shifts = checked_array("shared_m", shared_m(normal) if callable(shared_m) else shared_m,
                                (*shape, None))
-        _check_finite("shared_m", shifts, kept)
+        if not callable(shared_m):
+            _check_finite("shared_m", shifts, kept)
         moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)

@@ -242,6 +242,21 @@ def failed(rows: Columns) -> np.ndarray:
     return bad.astype(bool)
 
 
+FAULTS = ("strategy_failed", "not_possible")
+"""Statuses of episodes whose notes say what is wrong with their strategy."""
+
+
+def fault_of(rows: Columns) -> str:
+    """What the first of these episodes says whose strategy is at fault; empty where none is."""
+    pairs = zip(rows["status"], rows.get("note", ()), strict=False)
+    return next((str(note) for status, note in pairs if note and status in FAULTS), "")
+
+
+def fault_line(label: str, fault: str) -> str:
+    """How a reader is told what is wrong with a strategy."""
+    return f"strategy {label} failed: {fault}"
+
+
 def values_of(rows: Columns, name: str) -> np.ndarray:
     """A column as numbers, NaN where the rows have none; `failure_rate` too.
 

@@ -25,6 +25,7 @@ import numpy as np
 from sweeps.analysis.entries import (
     CHANCES,
     COSTS,
+    FAULTS,
     METRICS,
     SCORES,
     Entry,
@@ -35,6 +36,8 @@ from sweeps.analysis.entries import (
     digits_of,
     entries_of,
     entry_axes,
+    fault_line,
+    fault_of,
     prior_column,
     references_of,
     sign_of,
@@ -81,13 +84,13 @@ class _Faults:
         self.units: dict[str, list[int]] = {}  # of each entry, units that failed, and all
 
     def __call__(self, entry: Entry, rows: Columns) -> None:
+        if fault := fault_of(rows):
+            self.first.setdefault(entry.label, fault)
         nothing = np.full(len(rows["status"]), "")
         columns = {"note": nothing, "object": nothing, "contacts": nothing == "", **rows}
         for note, status, name, contacts in zip(
                 *(columns[c] for c in ("note", "status", "object", "contacts")), strict=True):
-            failed = status in ("strategy_failed", "not_possible")
-            if note and failed:
-                self.first.setdefault(entry.label, f"failed: {note}")
+            failed = status in FAULTS
             noted = self.noted.setdefault(entry.label, [0, 0, ""])
             noted[1] += 1
             if note and contacts and not failed:
@@ -111,7 +114,7 @@ class _Faults:
 
     def notes(self) -> list[str]:
         """Why strategies failed, and what notes say of episodes that touched something."""
-        return [*(f"strategy {label} {why}" for label, why in sorted(self.first.items())),
+        return [*(fault_line(label, why) for label, why in sorted(self.first.items())),
                 *(f"strategy {label}: {count} of {of} episodes have a note; the first: {note}"
                   for label, (count, of, note) in sorted(self.noted.items()) if count)]
 

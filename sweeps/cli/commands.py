@@ -26,6 +26,7 @@ from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
+from sweeps.spec.toml_reader import read_content
 from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import counted, on_one_line
 
@@ -44,14 +45,15 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
     options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
     if until is not None:
         return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)
-    plan = plan_study(read_spec(spec, settings))
+    content = read_content(spec)
+    plan = plan_study(read_spec(spec, settings, content))
     refuse_search(plan.study, spec)
     store, others = Store(folder), [Store(other) for other in reuse]
     for other in others:
         other.resolved()  # refuses a directory that holds no study
     with terminated_as_interrupted(), store.lock(shard):
         try:
-            notes = store.open_for(plan, spec_text(spec, settings), device)
+            notes = store.open_for(plan, spec_text(content, settings), device)
         except OtherStudy as error:
             raise OtherStudy(folder, error.lines, (
                 "choose another directory (`warpgrasp sweep SPEC.toml -o NEW --reuse "

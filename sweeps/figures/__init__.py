@@ -17,7 +17,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "replay_frames": ["Replay", "make_replay", "replay_of", "segment_pose"],
     "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_box", "set_cube",
                "visible"],
-    "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "cut", "distinct_labels", "drawing",
-              "encode", "figure"],
+    "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "VERDICTS", "cut", "distinct_labels",
+              "drawing", "encode", "figure"],
     "taxels": ["draw_taxels", "pad_touches", "taxels_figure", "taxels_shown"],
 })

@@ -21,7 +21,9 @@ from sweeps.figures.style import (
     farthest_end,
     figure,
     framed,
+    looks_of,
     metric_label,
+    order_of,
     slant,
 )
 from sweeps.run.plan import Plan
@@ -49,9 +51,9 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
     """
     grids = [grid_of(curves, axis, n) for n in range(len(curves.labels))]
     found = [mean_curve(curves, axis, n, grid) for n, grid in enumerate(grids)]
-    last = [estimate.value[-1] if np.isfinite(estimate.value[-1]) else np.inf
-            for estimate in found]
-    order = sorted(range(len(found)), key=lambda n: (last[n], curves.labels[n]))
+    last = np.array([estimate.value[-1] for estimate in found])
+    order = order_of(last, curves.labels)
+    looks = looks_of(last, curves.labels)
     shown, others = order[:len(COLOURS)], order[len(COLOURS):]
     names, keys = distinct_labels(curves.labels, 24)
     with drawing():
@@ -64,18 +66,19 @@ def draw_curves(curves: Curves, axis: str) -> "Figure":
             stops.append(_mean_end(curves, axis, n) if once else grid[-1])
             places += [stops[-1], *(() if once else grid[known])]
             highs.append(found[n].high if len(shown) <= BANDS else found[n].high[-1:])
-            ends.vlines(place, found[n].low[-1], found[n].high[-1], color=COLOURS[place], lw=1.2)
-            ends.plot(place, found[n].value[-1], MARKERS[place], color=COLOURS[place], ms=3)
+            colour, marker = looks[n].colour, looks[n].marker
+            ends.vlines(place, found[n].low[-1], found[n].high[-1], color=colour, lw=1.2)
+            ends.plot(place, found[n].value[-1], marker, color=colour, ms=3)
             if once:
-                axes.plot(stops[-1], found[n].value[-1], MARKERS[place], ms=3, ls="none",
-                          color=COLOURS[place], label=names[n])
+                axes.plot(stops[-1], found[n].value[-1], marker, ms=3, ls="none", color=colour,
+                          label=names[n])
                 continue
-            axes.step(grid, found[n].value, where="post", color=COLOURS[place], ls=DASHES[place],
-                      marker=MARKERS[place], ms=3, markevery=known[:1].tolist(), label=names[n])
-            axes.plot(grid[-1], found[n].value[-1], "|", color=COLOURS[place], ms=6, mew=1.2)
+            axes.step(grid, found[n].value, where="post", color=colour, ls=looks[n].dash,
+                      marker=marker, ms=3, markevery=known[:1].tolist(), label=names[n])
+            axes.plot(grid[-1], found[n].value[-1], "|", color=colour, ms=6, mew=1.2)
             if len(shown) <= BANDS:
                 axes.fill_between(grid, found[n].low, found[n].high, step="post",
-                                  color=COLOURS[place], alpha=0.2, lw=0)
+                                  color=colour, alpha=0.2, lw=0)
         for n in others:
             axes.step(grids[n], found[n].value, where="post", color=MUTED,
                       lw=0.6 if len(others) <= MANY else 0.2, zorder=1,

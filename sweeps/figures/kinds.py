@@ -9,7 +9,7 @@ import numpy as np
 
 import sweeps.figures
 from sweeps.analysis.confusion import read_confusion
-from sweeps.analysis.curves import once_notes, read_curves
+from sweeps.analysis.curves import ERROR, once_notes, read_curves
 from sweeps.analysis.entries import check_metric
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pareto import columns_of
@@ -94,7 +94,7 @@ KINDS: dict[str, Callable[[Asked], "Figure"]] = {
     "curves-touches": lambda a: _curves(a, "touches"),
     "curves-time": lambda a: _curves(a, "time_s"),
     "pareto": lambda a: draw_pareto(
-        read_paired(a.plan, a.stores, columns_of(a.metric), over=a.over), a.metric),
+        read_paired(a.plan, a.stores, [*columns_of(a.metric), ERROR], over=a.over), a.metric),
     "confusion": lambda a: draw_confusion(read_confusion(a.plan, a.stores), a.strategy),
     "settings": lambda a: draw_settings(
         a.plan, read_settings(a.plan, a.stores, a.metric, a.over), a.metric),

@@ -10,6 +10,7 @@ import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -24,6 +25,8 @@ COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#0
 DASHES = ("-", "--", "-.", ":", (0, (5, 1)), (0, (3, 1, 1, 1)), (0, (1, 1)), (0, (7, 2)))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<")
 MUTED = "#9a9a9a"
+VERDICTS = {"best": COLOURS[2], "open": COLOURS[0], "tied": COLOURS[1], "worse": MUTED}
+"""What a colour says of an entry, in pictures of races and where studies are watched."""
 FARTHEST = 3.0
 """How far a frame reaches for intervals, in largest means: those of few objects may be wider."""
 MARGIN = 0.04
@@ -54,6 +57,36 @@ _STYLE: dict[str, Any] = {
     "figure.facecolor": "white", "axes.unicode_minus": True,
     "text.parse_math": False,  # names are the user's and may hold dollar signs
 }
+
+
+@dataclass(frozen=True)
+class Look:
+    """By what an entry is known in every figure of a study."""
+
+    colour: str
+    dash: Any
+    marker: str
+
+
+def looks_of(errors: np.ndarray, labels: Sequence[str]) -> list[Look]:
+    """Each entry's look by its place in the leaderboard of `errors`, (entry,), the least first.
+
+    The best eight differ in colour; then colours come again, with other dashes and markers.
+    """
+    looks = [Look("", "", "")] * len(labels)
+    for place, n in enumerate(order_of(errors, labels)):
+        other = (place + place // len(COLOURS)) % len(MARKERS)
+        looks[n] = Look(COLOURS[place % len(COLOURS)], DASHES[other], MARKERS[other])
+    return looks
+
+
+def order_of(errors: np.ndarray, labels: Sequence[str]) -> list[int]:
+    """Entries by their errors, (entry,), the least first, those without one last; equal ones by
+    their labels. Figures sum the same rows in different orders, so what differs by rounding alone
+    is equal."""
+    known = np.where(np.isfinite(errors), errors, np.inf)
+    keys = [(float(f"{value:.9g}"), label) for value, label in zip(known, labels, strict=True)]
+    return sorted(range(len(keys)), key=keys.__getitem__)
 
 
 @contextmanager

@@ -9,5 +9,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "race_note": ["end_race_note", "race_state"],
     "race_units": ["RaceUnits"],
     "until": ["sweep_until"],
-    "verdict": ["amount"],
+    "verdict": ["amount", "verdict_word"],
 })

@@ -18,6 +18,7 @@ from sweeps.run.plan import Plan, plan_study, same_bodies
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
+from sweeps.spec.toml_reader import read_content
 from sweeps.text_table import finite_or_none, json_record, print_json, print_table
 from warpgrasp.core.plain_text import on_one_line
 
@@ -35,12 +36,13 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     """
     began = time.monotonic()
     check_metric(metric)
-    plan = plan_study(read_spec(spec, settings))
+    content = read_content(spec)
+    plan = plan_study(read_spec(spec, settings, content))
     store = Store(folder)
     until = began + 60.0 * minutes if minutes is not None else float("inf")
     course = _course(spec, plan, store, rules, episodes, metric, over, until)
     with terminated_as_interrupted(), store.lock(options.shard):
-        for line in (*store.open_for(plan, spec_text(spec, settings), options.device),
+        for line in (*store.open_for(plan, spec_text(content, settings), options.device),
                      *same_bodies(plan.study)):
             note(line)
         begin_race_note(plan, store, metric, over)

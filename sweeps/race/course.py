@@ -64,7 +64,7 @@ class Course:
     def looked(self) -> None:
         """Leaves a note for those who watch."""
         write_race_note(self.units.store.logs, verdict_of(self.race, self.units),
-                        self.units.statuses, self.units.touches)
+                        self.units.statuses, self.units.faults, self.units.touches)
 
     @property
     def over(self) -> bool:

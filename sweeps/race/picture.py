@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from sweeps.figures.style import COLOURS, MUTED, UNITS, distinct_labels, drawing, figure
+from sweeps.figures.style import UNITS, VERDICTS, distinct_labels, drawing, figure
 from sweeps.race.race_note import taking_part
-from sweeps.race.verdict import Verdict, amount, claim
+from sweeps.race.verdict import Verdict, amount, claim, verdict_word
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -40,8 +40,8 @@ def _draw_left(axes: "Axes", found: Verdict) -> None:
     """Entries in each rung, over the replicates after it."""
     most = [int(look.replicates.max()) for look in found.looks]
     taking = taking_part(found.looks)
-    axes.step([most[0], *most], [taking[0], *taking], where="pre", color=COLOURS[0])
-    axes.plot(most, taking, "o", color=COLOURS[0], ms=2.0)
+    axes.step([most[0], *most], [taking[0], *taking], where="pre", color=VERDICTS["open"])
+    axes.plot(most, taking, "o", color=VERDICTS["open"], ms=2.0)
     axes.set_yscale("log")
     axes.set_ylim(0.8, 1.6 * taking[0])
     tens = [10.0**n for n in range(8) if 10.0**n <= taking[0]]
@@ -53,19 +53,19 @@ def _draw_left(axes: "Axes", found: Verdict) -> None:
 
 def _draw_entries(axes: "Axes", found: Verdict) -> None:
     last = found.last
-    kinds = (("worse", last.out, MUTED, "x"), ("open", last.open, COLOURS[4], "D"),
-             ("not better", last.tied & ~last.open, COLOURS[1], "o"))
+    kinds = (("worse", last.out, "x"), ("open", last.open, "D"),
+             ("tied", last.tied & ~last.open, "o"))
     leader = np.arange(len(found.labels)) == last.leader
-    for name, chosen, colour, marker in kinds:
-        chosen = chosen & ~leader
+    for name, chosen, marker in kinds:
+        chosen, colour = chosen & ~leader, VERDICTS[name]
         if not chosen.any():
             continue
         if name != "worse":
             axes.vlines(last.replicates[chosen], found.at_least[chosen], last.difference[chosen],
                         color=colour, lw=0.5, alpha=0.6)
         axes.plot(last.replicates[chosen], last.difference[chosen], marker, color=colour, ms=2.6,
-                  mew=0.6, label=f"{name} ({int(chosen.sum()):,})")
-    axes.plot(last.replicates[leader], [0.0], "*", color=COLOURS[2], ms=7.0, label="best")
+                  mew=0.6, label=f"{verdict_word(name)} ({int(chosen.sum()):,})")
+    axes.plot(last.replicates[leader], [0.0], "*", color=VERDICTS["best"], ms=7.0, label="best")
     axes.axhline(-found.rules.within, color="#555555", lw=0.6, ls="--")
     axes.set_xscale("log")
     linear = LINEAR * found.rules.within

@@ -25,7 +25,7 @@ from sweeps.run.store import Store
 
 
 def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
-                    touches: np.ndarray, stage: str = "") -> None:
+                    faults: Mapping[str, str], touches: np.ndarray, stage: str = "") -> None:
     """Writes the note into the folder of logs; `touches` is each entry's mean, (entry,).
 
     `stage` says which race of a search it is; its entries are not those of the study.
@@ -47,7 +47,8 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
         "rungs": [{"replicates": int(look.replicates.max()), "taking": taking,
                    "out": int(look.out.sum()), "open": int(look.open.sum())}
                   for look, taking in zip(found.looks, taking_part(found.looks), strict=True)],
-        "statuses": dict(sorted(statuses.items())), "entries": entries}
+        "statuses": dict(sorted(statuses.items())),
+        "faults": dict(sorted(faults.items())), "entries": entries}
     _write(logs, content)
 
 

@@ -16,6 +16,7 @@ from sweeps.analysis.entries import (
     averaged_points,
     entries_of,
     entry_axes,
+    fault_of,
     prior_column,
     setting_index,
     sign_of,
@@ -69,6 +70,8 @@ class RaceUnits:
         self._worst: dict[int, float] = {}  # by object: what an episode without a score counts as
         self.statuses: Counter[str] = Counter()
         """What became of the episodes that were read."""
+        self.faults: dict[str, str] = {}
+        """Of each entry at fault, what the first of its episodes says that was read."""
         self._touches = np.zeros((2, len(self.entries)))  # sum and number of those known
 
     @property
@@ -177,6 +180,8 @@ class RaceUnits:
             self.statuses["unit_failed"] += episodes
             return
         self.statuses.update(map(str, rows["status"]))
+        if fault := fault_of(rows):
+            self.faults.setdefault(self.entries[entry].label, fault)
         touches = values_of(rows, "touches")
         self._touches[:, entry] += np.nansum(touches), np.isfinite(touches).sum()
 

@@ -22,6 +22,7 @@ from sweeps.run.store import Store, plan_of
 from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
+from sweeps.spec.toml_reader import read_content
 
 METRIC = "chamfer_mm"
 SAID = ("best", "claim", "tied", "paired", "episodes")
@@ -32,7 +33,8 @@ SAID = ("best", "claim", "tied", "paired", "episodes")
 class Growth(Course):
     """A sweep that grows: what the engine asks for the next units."""
 
-    spec: Path = Path()
+    content: bytes = b""
+    """Of the spec."""
     settings: Sequence[str] = ()
     device: str = "cpu"
 
@@ -56,7 +58,7 @@ class Growth(Course):
         episodes = max(episodes, there)
         settings = [text for text in self.settings
                     if text.partition("=")[0].strip() != "episodes_per_cell"]
-        text = spec_text(self.spec, [*settings, f"episodes_per_cell={episodes}"])
+        text = spec_text(self.content, [*settings, f"episodes_per_cell={episodes}"])
         for line in store.open_for(grown(self.units.plan, episodes), text, self.device):
             note(line)
 
@@ -87,13 +89,14 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
 
     Raises LeaderboardError for one entry, SpecError and StoreError as a sweep does.
     """
-    plan = plan_study(read_spec(spec, settings))
+    content = read_content(spec)
+    plan = plan_study(read_spec(spec, settings, content))
     refuse_search(plan.study, spec)
     store = Store(folder)
     units = RaceUnits(plan, store, METRIC, "these")
     rules = replace(rules_of(within, 95.0, _whole(plan.study.head.episodes_per_cell), None, METRIC),
                     everyone=True, whole=BLOCK)
-    course = Growth(Race(len(units.entries), rules), units, spec=spec,
+    course = Growth(Race(len(units.entries), rules), units, content=content,
                     settings=settings, device=options.device)
     check_entries(units, spec)
     with terminated_as_interrupted(), store.lock(options.shard):

@@ -136,6 +136,12 @@ def summary(found: Verdict) -> dict[str, str]:
     }
 
 
+def verdict_word(verdict: str) -> str:
+    """What is shown for a verdict. A tied entry may be far behind: all that is known is that it is
+    not better than the best by more than the margin."""
+    return "not better" if verdict == "tied" else verdict or "open"
+
+
 def verdict_name(look: Look, entry: int) -> str:
     """What is known of an entry: best, worse, open or tied."""
     if entry == look.leader:

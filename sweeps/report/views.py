@@ -19,6 +19,7 @@ from sweeps.figures.meshes import (
     recovered_grid,
     true_mesh,
 )
+from sweeps.output import say
 from sweeps.report.surfaces import UNSURE_M, surface_sigma
 from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan
@@ -96,8 +97,9 @@ class Views:
 
 
 def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", workers: int = 1,
-               say: Callable[[str], None] = lambda text: None) -> Views:
-    """Runs the picked episodes again; notes name those that cannot be."""
+               progress: Callable[[str], None] = lambda text: None) -> Views:
+    """Runs the picked episodes again; notes name those that cannot be. A worker that dies is an
+    error, which is said whatever becomes of `progress`."""
     bodies: dict[str, Any] = {}
     episodes: list[dict[str, Any]] = []
     missing = {pick.episode: _missing(plan, pick.episode) for pick in picked}
@@ -107,7 +109,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
     died = ""
     try:
         for number, (pick, block) in enumerate(zip(shown, blocks, strict=True), 1):
-            say(f"episode {number} of {len(shown)} for the 3-D views")
+            progress(f"episode {number} of {len(shown)} for the 3-D views")
             body = plan.study.objects[pick.episode.body].name
             if body not in bodies:
                 bodies[body] = body_data(block.body)

@@ -17,5 +17,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "with_points"],
     "study": ["Axis", "Body", "ARM_KEY", "FILE_KEYS", "HAND_KEY", "Study", "StudyTable"],
     "template": ["spec_template"],
+    "toml_reader": ["read_content"],
     "units": ["read_table", "spec_fields"],
 })

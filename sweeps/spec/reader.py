@@ -47,7 +47,7 @@ from sweeps.spec.study import (
     Study,
     StudyTable,
 )
-from sweeps.spec.toml_reader import read_toml
+from sweeps.spec.toml_reader import parse_toml, read_content
 from sweeps.spec.units import read_table
 
 HEAD = ("schema", "name", "seed", "episodes_per_cell", "keep")
@@ -55,12 +55,15 @@ REQUIRED = ("schema", "objects", "strategy")
 TOP = (*HEAD, "objects", "strategy", *SECTIONS, "sweep", "search")
 
 
-def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
+def read_spec(file: FilePath, overrides: Sequence[str] = (), content: bytes | None = None
+              ) -> Study:
     """The study a spec describes, with `--set KEY=V1,V2` overrides; `SpecError` lists problems.
+
+    Whoever keeps the spec's text gives its `content`: the file may be edited meanwhile.
 
     A spec that a study keeps has the overrides that it was run with under its key `set`.
     """
-    values, lines = read_toml(file)
+    values, lines = parse_toml(file, read_content(file) if content is None else content)
     problems = Problems(str(file), lines)
     try:
         text_axes, head_values = read_overrides(_settings(values.pop("set", []), overrides))
@@ -76,12 +79,13 @@ def read_spec(file: FilePath, overrides: Sequence[str] = ()) -> Study:
     return study
 
 
-def spec_text(file: FilePath, overrides: Sequence[str]) -> bytes:
-    """The text of a spec that alone, without `--set`, describes the same study."""
-    text = file.read_bytes().removeprefix(BOM_UTF8)
+def spec_text(content: bytes, overrides: Sequence[str]) -> bytes:
+    """The text of a spec that alone, without `--set`, describes the same study as a spec of this
+    content that was read, with them."""
+    text = content.removeprefix(BOM_UTF8)
     if not overrides:
         return text
-    given = _settings(read_toml(file)[0].get("set", []), overrides)
+    given = _settings(tomllib.loads(text.decode()).get("set", []), overrides)
     line = f"set = {json.dumps(given, ensure_ascii=False)}  # what --set said\n"
     return (line + _without_set(text.decode())).encode()
 

@@ -26,15 +26,26 @@ _SCALAR = re.compile(r"[^\[\]{},#\n]+")
 
 def read_toml(file: Path) -> tuple[dict[str, Any], dict[KeyPath, int]]:
     """The values of a TOML file and the line of every key; `SpecError` where it is not TOML."""
+    return parse_toml(file, read_content(file))
+
+
+def read_content(file: Path) -> bytes:
+    """The bytes of a spec, one more than SIZE_LIMIT at most; `SpecError` where it cannot be read.
+    """
+    try:
+        with file.open("rb") as stream:
+            return stream.read(SIZE_LIMIT + 1)
+    except OSError as error:
+        raise SpecError([Problem(
+            f"{file}:1", "", f"cannot be read: {error.strerror}; a spec is a TOML file, "
+            "`warpgrasp init SPEC.toml` writes one")]) from None
+
+
+def parse_toml(file: Path, raw: bytes) -> tuple[dict[str, Any], dict[KeyPath, int]]:
+    """As `read_toml`, of what was read of the file."""
     def fail(what: str, line: int = 1) -> SpecError:
         return SpecError([Problem(f"{file}:{line}", "", what)])
 
-    try:
-        with file.open("rb") as stream:
-            raw = stream.read(SIZE_LIMIT + 1)
-    except OSError as error:
-        raise fail(f"cannot be read: {error.strerror}; a spec is a TOML file, "
-                   "`warpgrasp init SPEC.toml` writes one") from None
     if len(raw) > SIZE_LIMIT:
         raise fail(f"is larger than {SIZE_LIMIT >> 20} MiB, the limit for a spec")
     try:

@@ -8,6 +8,7 @@ from functools import cache
 from html import escape
 from importlib.resources import files
 
+from sweeps.figures.style import VERDICTS
 from sweeps.report.html import asset, source_hash
 
 FRAME = """\
@@ -53,7 +54,8 @@ def content_policy() -> str:
 
 @cache
 def _style() -> str:
-    return asset("style.css") + _own("watch.css")
+    colours = " ".join(f"--{verdict}: {colour};" for verdict, colour in VERDICTS.items())
+    return f"{asset('style.css')}:root {{ {colours} }}\n{_own('watch.css')}"
 
 
 @cache

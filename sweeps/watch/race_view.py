@@ -8,7 +8,7 @@ from sweeps.analysis.curves import Steps
 from sweeps.analysis.entries import sign_of
 from sweeps.race.race_note import race_state
 from sweeps.race.race_units import RaceUnits
-from sweeps.race.verdict import amount
+from sweeps.race.verdict import amount, verdict_word
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
@@ -19,9 +19,9 @@ from sweeps.watch.state import (
     State,
     failed_units,
     failures_of,
+    faults_of,
     pace_facts,
     pace_of,
-    verdict_word,
 )
 from sweeps.watch.unit_rows import CURVES_OF, UnitReader
 
@@ -80,7 +80,8 @@ class RaceView:
             tuple((entry["label"], curve) for entry, curve in zip(
                 entries, mean_errors([self._steps(entry) for entry in entries[:CURVES]]),
                 strict=False) if curve),
-            failures_of(found["statuses"]), failed_units(self.store.logs))
+            failures_of(found["statuses"]), failed_units(self.store.logs),
+            faults_of(found.get("faults", {})))
 
     def _before_the_first_look(self, found: Mapping[str, Any]) -> State:
         pace = pace_of(self.store)

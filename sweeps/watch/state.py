@@ -1,10 +1,12 @@
 """How a sweep or a race stands, as plain data for the page and the terminal."""
 
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
+from sweeps.analysis.entries import fault_line
 from sweeps.run.progress import read_note
 from sweeps.run.store import Store
 from warpgrasp.core.plain_text import counted
@@ -24,16 +26,10 @@ class Row:
     behind: float | None
     """Its mean minus the first's."""
     verdict: str
-    """best, worse, open, tied (see `verdict_word`), or empty for open."""
+    """best, worse, open, tied (see `sweeps.race.verdict.verdict_word`), or empty for open."""
     episodes: int
     objects: int
     touches: float | None
-
-
-def verdict_word(verdict: str) -> str:
-    """What is shown for a verdict. A tied entry may be far behind: all that is known is that it is
-    not better than the best by more than the margin."""
-    return "not better" if verdict == "tied" else verdict or "open"
 
 
 @dataclass(frozen=True)
@@ -61,6 +57,8 @@ class State:
     failures: tuple[tuple[str, int], ...] = ()
     """Episodes by what became of them, but for those that are all right."""
     failed_units: tuple[str, ...] = ()
+    faults: tuple[str, ...] = ()
+    """What is wrong with strategies whose episodes failed for it."""
     notes: tuple[str, ...] = field(default=())
 
     def plain(self) -> dict[str, Any]:
@@ -111,6 +109,14 @@ def failures_of(statuses: Counter[str]) -> tuple[tuple[str, int], ...]:
     """Episodes that failed by why, the most frequent first."""
     bad = [(name, count) for name, count in statuses.items() if name != "ok"]
     return tuple(sorted(bad, key=lambda pair: (-pair[1], pair[0])))
+
+
+def faults_of(faults: Mapping[str, str]) -> tuple[str, ...]:
+    """What is said of strategies at fault, as a leaderboard has it, of the first ones."""
+    told = [fault_line(label, fault) for label, fault in sorted(faults.items())]
+    more = len(told) - FAILED_SHOWN
+    return (*told[:FAILED_SHOWN], *([f"and {more} more, see the notes of the rows"]
+                                    if more > 0 else []))
 
 
 def failed_units(logs: Path) -> tuple[str, ...]:

@@ -21,7 +21,15 @@ from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.run.store import Store
 from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
-from sweeps.watch.state import Row, State, failed_units, failures_of, pace_facts, pace_of
+from sweeps.watch.state import (
+    Row,
+    State,
+    failed_units,
+    failures_of,
+    faults_of,
+    pace_facts,
+    pace_of,
+)
 from sweeps.watch.unit_rows import UnitReader, UnitRows
 from warpgrasp.core.plain_text import counted
 
@@ -169,7 +177,14 @@ class SweepView:
                      self._headline(rows, done), tuple(facts), done / max(total, 1), self.metric,
                      about, tuple(rows[:ROWS]), max(0, len(rows) - ROWS), (),
                      tuple(self._curves(rows)), failures_of(statuses),
-                     failed_units(self.store.logs), tuple(notes))
+                     failed_units(self.store.logs), faults_of(self._faults()), tuple(notes))
+
+    def _faults(self) -> dict[str, str]:
+        """Of each entry at fault, what the first of its episodes says that has come."""
+        told = {entry.label: next((rows.fault for found in of_objects.values()
+                                   for rows in found.rows if rows.fault), "")
+                for entry, of_objects in zip(self.entries, self.found, strict=True)}
+        return {label: fault for label, fault in told.items() if fault}
 
     def _headline(self, rows: list[Row], done: int) -> str:
         if not rows:

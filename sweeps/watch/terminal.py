@@ -5,8 +5,9 @@ import time
 from pathlib import Path
 
 from sweeps.analysis.entries import check_metric
+from sweeps.race.verdict import verdict_word
 from sweeps.text_table import number_text, print_table
-from sweeps.watch.state import Row, State, verdict_word
+from sweeps.watch.state import Row, State
 from sweeps.watch.view import View
 from warpgrasp.core.plain_text import on_one_line
 
@@ -63,4 +64,4 @@ def _ends(state: State) -> list[str]:
     failed = failed or ("none" if state.rows else "not known yet")
     return [on_one_line(line) for line in (
         state.about, f"failed episodes: {failed}",
-        *(f"unit set aside: {text}" for text in state.failed_units))]
+        *state.faults, *(f"unit set aside: {text}" for text in state.failed_units))]

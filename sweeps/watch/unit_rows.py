@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sweeps.analysis.curves import Steps, episode_steps
-from sweeps.analysis.entries import HIGHER_IS_BETTER, prior_column, values_of
+from sweeps.analysis.entries import HIGHER_IS_BETTER, fault_of, prior_column, values_of
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, DamagedUnit, read_unit
 
@@ -29,6 +29,8 @@ class UnitRows:
     statuses: Counter[str]
     steps: tuple[Steps, ...]
     """Error after each fit of the episodes that curves are drawn of; empty of later ones."""
+    fault: str = ""
+    """What the first episode says whose strategy is at fault."""
     aside: bool = False
     """Whether the unit was set aside as failed: these stand for rows that it may still get."""
 
@@ -74,7 +76,7 @@ class UnitReader:
                 return None
             nothing = np.full(count, np.nan)
             return UnitRows(np.zeros(count) if self.metric in HIGHER_IS_BETTER else nothing,
-                            nothing, nothing, Counter(unit_failed=count), (), True)
+                            nothing, nothing, Counter(unit_failed=count), (), aside=True)
         return self._shown(unit, rows)
 
     def _shown(self, unit: Unit, rows: Columns) -> UnitRows:
@@ -82,4 +84,5 @@ class UnitReader:
         prior = prior_column(self.metric)
         return UnitRows(values_of(rows, self.metric),
                         np.zeros(0) if prior is None else values_of(rows, prior),
-                        values_of(rows, "touches"), Counter(map(str, rows["status"])), steps)
+                        values_of(rows, "touches"), Counter(map(str, rows["status"])), steps,
+                        fault_of(rows))

@@ -185,6 +185,16 @@ def planned_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
 
 
 @cell_by_cell
+def faulty_episodes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+    """The strategy "horse" is at fault in every episode, and its rows say why."""
+    if cell.strategy.name != "horse":
+        return rows_of(cell, episodes)
+    return rows_of(cell, episodes) | {
+        "status": np.full(len(episodes), "strategy_failed", object),
+        "note": np.full(len(episodes), "no horse knows how", object)}
+
+
+@cell_by_cell
 def told_processes(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Notes the process that ran a row, and how many units its call had."""
     note = f"{os.getpid()} {len(_units(episodes))}"

@@ -236,7 +236,7 @@ function drawFailures(state) {
   at("nofailure").textContent = state.rows.length ? "No episode failed so far." : "Not known yet.";
   at("reasons").replaceChildren(...state.failures.map(([reason, episodes]) => node("tr", {},
     node("td", {class: "text"}, reason), node("td", {}, `${count(episodes)} episode${episodes === 1 ? "" : "s"}`))));
-  at("units").replaceChildren(...state.failed_units.map(text => node("li", {}, text)));
+  at("units").replaceChildren(...[...state.faults, ...state.failed_units].map(text => node("li", {}, text)));
 }
 
 async function ask() {

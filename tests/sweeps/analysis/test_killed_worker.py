@@ -49,11 +49,11 @@ def test_a_worker_that_dies_again_is_one_line(dying: None, tmp_path: Path) -> No
         in_a_worker(dying_run, (None, ALWAYS, "cpu"))
 
 
-def test_a_report_says_which_views_are_missing(dying: None, tmp_path: Path) -> None:
+def test_a_report_says_which_views_are_missing(
+        dying: None, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     plan, _ = wide_study(tmp_path / "study", wide_text(1, 1, 8))
     picked = [Picked("best", Episode(0, 0, ALWAYS), 1.0), Picked("worst", Episode(0, 0, 4), 2.0)]
-    said: list[str] = []
-    views = make_views(plan, picked, say=said.append)
+    views = make_views(plan, picked)
     assert views.episodes == []
-    assert said == views.notes
+    assert capsys.readouterr().err.splitlines() == views.notes
     assert views.notes[0].startswith("2 of 2 episodes are missing from the 3-D views: a worker")

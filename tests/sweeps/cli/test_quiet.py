@@ -1,6 +1,8 @@
 """`--quiet` of every command: nothing but results on stdout, and errors."""
 
 import re
+from collections.abc import Iterator
+from html import escape
 from pathlib import Path
 
 import pytest
@@ -8,8 +10,10 @@ from curved_episodes import wide_study, wide_text
 from places import ROOT
 from studies import SMALL, write_spec
 
+from sweeps.analysis.rerun_episode import WorkerDied
 from sweeps.cli import commands
 from sweeps.cli import main as cli
+from sweeps.report import views
 from sweeps.run import worker
 from sweeps.run.progress import Progress
 
@@ -78,6 +82,21 @@ def test_units_that_failed_are_told_all_the_same(
     assert "this bulb always breaks" in said
     assert "4 units failed; see" in said
     assert "ranking" not in said
+
+
+def test_a_worker_that_died_is_told_all_the_same(
+        study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+        capsys: pytest.CaptureFixture[str]) -> None:
+    def dies(*_: object) -> Iterator[object]:
+        raise WorkerDied
+        yield
+
+    monkeypatch.setattr(views, "rerun_all", dies)
+    out = tmp_path / "out.html"
+    assert cli.run(["report", str(study), "-o", str(out), "--quiet"]) == 0
+    (said,) = capsys.readouterr().err.splitlines()
+    assert "episodes are missing from the 3-D views: a worker" in said
+    assert escape(said) in out.read_text()
 
 
 def test_progress_is_not_told_and_a_unit_that_failed_is(capsys: pytest.CaptureFixture[str]) -> None:

@@ -1,13 +1,24 @@
 """The picture of a race: legible for two entries and for two hundred, the same bytes."""
 
+import re
+
 import numpy as np
 import pytest
 from drawn_text import looks_right, texts
 
-from sweeps.figures.style import encode
+from sweeps.figures.style import VERDICTS, encode
 from sweeps.race.elimination import Race, Rules
 from sweeps.race.picture import draw_race
-from sweeps.race.verdict import Verdict, claim, equal_replicates, race_table, summary
+from sweeps.race.verdict import (
+    Verdict,
+    claim,
+    equal_replicates,
+    race_table,
+    summary,
+    verdict_name,
+    verdict_word,
+)
+from sweeps.watch.page import watch_page
 
 
 def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
@@ -53,6 +64,22 @@ def test_ticks_of_a_small_race_are_its_rungs() -> None:
         assert "log scale" in axes.get_ylabel()
     assert "log scale" in lower.get_xlabel()
     assert "chamfer distance [mm]" in lower.get_ylabel()
+
+
+def test_verdicts_have_the_colours_of_the_page_that_is_watched() -> None:
+    css = watch_page("race").decode()
+    found = verdict(4, Rules(1.0, budget=288))
+    lower = draw_race(found).axes[1]
+    shown = {str(line.get_label()).partition(" (")[0]: str(line.get_color())
+             for line in lower.get_lines() if not str(line.get_label()).startswith("_")}
+    last = found.last
+    assert len(shown) > 1
+    assert shown.keys() == {verdict_word(verdict_name(last, n)) for n in range(4)}
+    for name, colour in shown.items():
+        of_page = re.search(rf"--{'tied' if name == 'not better' else name}: (#\w+);", css)
+        assert of_page
+        assert of_page[1].lower() == colour.lower()
+    assert len({colour.lower() for colour in VERDICTS.values()}) == 4
 
 
 def test_one_rung_is_one() -> None:

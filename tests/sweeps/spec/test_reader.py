@@ -88,7 +88,7 @@ def test_a_kept_spec_says_once_what_was_set(tmp_path: Path, own: str) -> None:
     """Whatever way its own key is written in."""
     text = own + SMALL + '[[strategy]]\nname = "q"\n[strategy.waypoints]\nkind = "ring"\n'
     file = write_spec(tmp_path, text)
-    kept = spec_text(file, ["episodes_per_cell=2"]).decode()
+    kept = spec_text(file.read_bytes(), ["episodes_per_cell=2"]).decode()
     assert kept.count("episodes_per_cell=2") == 1
     (tmp_path / "kept.toml").write_text(kept)
     again = read_spec(tmp_path / "kept.toml")

@@ -5,6 +5,7 @@ import json
 import re
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -172,8 +173,11 @@ def test_the_page_is_readable(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, w
 def test_failures_are_said_when_they_are_known(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: tuple[Row, ...],
         failures: tuple[tuple[str, int], ...], says: str) -> None:
-    state = race(rows, failures)
+    fault = "strategy ant failed: <b>no</b>"
+    state = replace(race(rows, failures), faults=(fault,) if failures else ())
     found = looked_at(tmp_path, monkeypatch, state, SHAPE)["failures"]
+    if failures:
+        assert found.pop() == fault
     assert found[-1].removeprefix("fit_failed").strip() == says
     words = {"Not known yet.": "not known yet", "No episode failed so far.": "none"}
     assert f"failed episodes: {words.get(says, says.split()[0] + ' fit_failed')}" in _ends(state)

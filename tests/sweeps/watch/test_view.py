@@ -14,16 +14,19 @@ from studies import fill, plan_of, write_spec
 
 from sweeps.analysis.curves import mean_curve, read_curves
 from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.run import worker
 from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
+from sweeps.run.store import plan_of as stored_plan
 from sweeps.run.unit_file import write_files
 from sweeps.run.worker import run_units
 from sweeps.spec.errors import StoreError
 from sweeps.watch.any_time import alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
-from sweeps.watch.terminal import _cells, as_text
+from sweeps.watch.state import faults_of
+from sweeps.watch.terminal import _cells, _ends, as_text
 from sweeps.watch.view import View
 
 SPEC = """\
@@ -63,6 +66,28 @@ def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path, metric: str) -> Non
     failed = sum((run_units(run_episodes, [unit], "cpu")[0]["status"] != "ok").sum()
                  for unit in plan.units())
     assert state.failures == (("fit_failed", failed),)
+
+
+@pytest.mark.parametrize("command", [("sweep",), ("race", "--within", "0.3")])
+def test_what_is_wrong_with_a_strategy_is_said(
+        tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
+    for room in (worker, commands):
+        monkeypatch.setattr(room, "EPISODES", "fake_episodes:faulty_episodes")
+    spec, out = write_spec(tmp_path, SPEC.replace("= 130", "= 4")), tmp_path / "out"
+    assert cli.run([command[0], str(spec), "-o", str(out), *command[1:]]) == 0
+    state = View(out, "chamfer_mm").state()
+    assert state.kind == command[0]
+    assert state.faults == ("strategy horse failed: no horse knows how",)
+    assert state.faults[0] in _ends(state)
+    if state.kind == "sweep":
+        store = Store(out)
+        assert state.faults[0] in make_leaderboard(stored_plan(store), [store]).notes
+
+
+def test_many_strategies_at_fault_are_counted() -> None:
+    told = faults_of({f"s{n}": "no" for n in range(10)})
+    assert len(told) == 9
+    assert told[-1].startswith("and 2 more, ")
 
 
 def test_a_single_other_is_no_plural(tmp_path: Path) -> None:
