@@ -68,3 +68,15 @@ def test_touches_of_an_uncertainty_are_named(wrong: dict[str, Any], said: str) -
     bodies = superquadric(np.tile([0.02, 0.03, 0.05], (2, 1)), [0.5, 0.8])
     with pytest.raises(ValueError, match=said):
         superquadric_uncertainty(bodies, **{"points": TOUCHES, **wrong})
+
+
+def test_a_shared_error_that_is_no_number_spares_the_other_fits() -> None:
+    bodies = superquadric(np.tile([0.02, 0.03, 0.05], (2, 1)), [0.5, 0.8])
+
+    def shifts(normal: np.ndarray) -> np.ndarray:
+        return np.where(np.arange(2)[:, None, None] == 1, np.nan, 1e-4 * normal)
+
+    found = superquadric_uncertainty(bodies, TOUCHES, shared_m=shifts)
+    alone = superquadric_uncertainty(bodies, TOUCHES, shared_m=lambda normal: 1e-4 * normal)
+    assert np.isnan(found.covariance[1]).any()
+    assert np.array_equal(found.covariance[0], alone.covariance[0])
