@@ -44,7 +44,7 @@ def test_one_accepted_contact_in_a_hundred_is_nowhere_near() -> None:
     rows = np.array([contact_row(cell_of({"name": name}, "rim6-ring12", 9, errors_times(1.0)), 16)
                      for name in ("block", "large_cylinder", "lightbulb", "funnel",
                                   "orangina_bottle")]).sum(axis=0)
-    felt, accepted, far = rows
+    felt, accepted, far = rows[:3]
     print(rows)
     assert far <= 0.01 * accepted
     assert accepted >= 0.65 * felt  # not those whose place another surface would have elsewhere
