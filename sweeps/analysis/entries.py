@@ -253,7 +253,7 @@ def fault_of(rows: Columns) -> str:
 
 
 def fault_line(label: str, fault: str) -> str:
-    """How a reader is told what is wrong with a strategy."""
+    """The line that says what is wrong with a strategy."""
     return f"strategy {label} failed: {fault}"
 
 

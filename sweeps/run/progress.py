@@ -84,7 +84,7 @@ class Progress:
         self.before = self.done_units
 
     def failed(self, text: str) -> None:
-        """A unit was set aside, which is told even where notes are suppressed."""
+        """A unit was set aside: printed even where notes are suppressed."""
         self.failed_units += 1
         self._print(text)
         self._show()

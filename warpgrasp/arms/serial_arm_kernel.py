@@ -40,8 +40,9 @@ _LENGTH = wp.constant(real(0.25))  # [m] that weighs as much as a radian [est]
 _NEAR = wp.constant(real(1e-8))  # [rad], and times `_LENGTH` [m]: the pose is reached
 _DAMPING = wp.constant(real(1e-9))
 _LONGEST = wp.constant(real(0.6))  # [rad] of any joint in a step
-_PATIENCE = wp.constant(8)  # iterations in which what is missed has to fall below this share of it,
-_NEARER = wp.constant(real(0.9))  # or the descent is given up
+# A descent is given up where in so many iterations what is missed does not fall below this share.
+_PATIENCE = wp.constant(8)
+_NEARER = wp.constant(real(0.9))
 _GAP = wp.constant(real(1.6))  # [rad] between a joint's limits the other way round at most, for
 # it to go on at the other one [est]
 _TURN = wp.constant(real(6.283185307179586))
