@@ -104,6 +104,8 @@ def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
         return member_table(what)
     file = Path(what)
     if not file.is_file():
+        if units is not None:
+            raise ObjectError(f"{what}: there is no such mesh file")
         raise ObjectError(f"no object {what!r}; {family_hint(what)}{choose(what, BODY_NAMES)}; or "
                           "a mesh file with --units m|cm|mm")
     if units is None:

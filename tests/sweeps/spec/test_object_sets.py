@@ -7,7 +7,7 @@ import trimesh
 
 from sweeps.spec.errors import Problems
 from sweeps.spec.object_sets import pose_name
-from sweeps.spec.objects import object_of_argument, read_objects
+from sweeps.spec.objects import ObjectError, object_of_argument, read_objects
 from warpgrasp.objects.catalogue_names import NAME_LIMIT
 
 
@@ -75,3 +75,10 @@ def test_the_number_of_a_pose_is_not_cut_off_a_long_name() -> None:
     name = "n" * NAME_LIMIT
     assert pose_name(name, 2) == name[:-7] + "-pose-2"
     assert pose_name("block", 11) == "block-pose-11"
+
+
+def test_a_mesh_file_that_is_not_there_is_named() -> None:
+    with pytest.raises(ObjectError, match=r"^scans/mug\.ply: there is no such mesh file$"):
+        object_of_argument("scans/mug.ply", "m")
+    with pytest.raises(ObjectError, match=r"^no object 'mugg'"):
+        object_of_argument("mugg", None)
