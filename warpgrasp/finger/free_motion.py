@@ -33,8 +33,7 @@ from warpgrasp.geometry.scene import Scene, body_distance_grad
 from warpgrasp.geometry.segment_distance import LINK_SAMPLES, link_valley, nearest_on_link
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     Hand,
-    finger_pose,
-    free_joints,
+    free_pose,
     link_direction,
     link_start,
 )
@@ -63,6 +62,14 @@ class FreeFinger:
     along: vec3
     bend: vec3
     planes: mat34
+
+
+@struct
+class LinkAxis:
+    """Where a link's axis starts, and its direction."""
+
+    start: vec3
+    way: vec3
 
 
 @wp.func
@@ -104,6 +111,23 @@ def _clearance(free: FreeFinger, link: int, table: vec4, at: LinkStep, askew: re
                   table[3] + lesser(wp.dot(up, start), wp.dot(up, end))) - loose
 
 
+@wp.func
+def _free_axis(
+    hand: Hand, base: transform, path: wp.array3d[PathStep], grasp: int, finger: int, step: int,
+    link: int, at: LinkStep, sag: real, length: real
+):
+    """The axis of a link of a free finger at a step, in the body's frame."""
+    axis = LinkAxis()
+    if sag > ZERO:
+        f = free_pose(hand, base, true_command(hand, path, grasp, finger, step))
+        axis.start = link_start(f, link)
+        axis.way = link_direction(f, link)
+        return axis
+    axis.start = wp.transform_point(base, at.start)
+    axis.way = (wp.transform_point(base, at.end) - axis.start) / length
+    return axis
+
+
 @wp.func(inline=False)
 def advance_free(
     scene: Scene, body: int, convex: bool, hand: Hand, base: transform, path: wp.array3d[PathStep],
@@ -136,13 +160,10 @@ def advance_free(
                 clear = _clearance(free, link, table, at, hand.askew)
                 room = greater(room, scale * clear)
             if room <= ZERO and clear < -_ROUNDING:
-                a = wp.transform_point(base, at.start)
-                u = (wp.transform_point(base, at.end) - a) / length
+                axis = _free_axis(hand, base, path, grasp, finger, s, link, at, sag, length)
+                a = axis.start
+                u = axis.way
                 if sag > ZERO:
-                    f = finger_pose(hand, base, free_joints(
-                        hand, base, true_command(hand, path, grasp, finger, s)))
-                    a = link_start(f, link)
-                    u = link_direction(f, link)
                     free.off_start[link] = wp.transform_point(to_base, a) - at.start
                     free.off_end[link] = wp.transform_point(to_base, a + u * length) - at.end
                     free.loose = put(free.loose, link, _UNSURE * sag)

@@ -97,6 +97,22 @@ def _finger_pose(
     base: transform, offset: real, length_1: real, length_2: real, length_3: real, abduction: real,
     flexion_1: real, flexion_2: real, flexion_3: real
 ):
+    return _chain_pose(base, offset, length_1, length_2, length_3, abduction, flexion_1, flexion_2,
+                       flexion_3)
+
+
+@wp.func
+def _pose_in_place(hand: Hand, base: transform, q: vec4):
+    """`finger_pose` computed in place: what is not asked for is left out."""
+    return _chain_pose(base, hand.abduction_offset, hand.link_length[0], hand.link_length[1],
+                       hand.link_length[2], q[0], q[1], q[2], q[3])
+
+
+@wp.func
+def _chain_pose(
+    base: transform, offset: real, length_1: real, length_2: real, length_3: real, abduction: real,
+    flexion_1: real, flexion_2: real, flexion_3: real
+):
     axes = frame_axes(wp.transform_get_rotation(base))
     x = axes[0]
     y0 = axes[1]
@@ -170,14 +186,19 @@ def beyond_stops(hand: Hand, q: vec4):
 
 
 @wp.func
+def _weighed(moments: vec4, hand: Hand, f: FingerPose, link: int, weight: real):
+    """`moments` with those of one link's weight; the frame of `f` has z upwards."""
+    centre = link_start(f, link) + link_direction(f, link) * (hand.link_length[link] * HALF)
+    return moments - finger_jacobian(f, link, centre, vec3(ZERO, ZERO, ONE)) * weight
+
+
+@wp.func
 def weight_moments(hand: Hand, f: FingerPose):
     """Torques of the links' weight about the joints [N m]; the frame of `f` has z upwards."""
-    up = vec3(ZERO, ZERO, ONE)
-    moments = vec4(ZERO, ZERO, ZERO, ZERO)
-    for link in range(3):
-        centre = link_start(f, link) + link_direction(f, link) * (hand.link_length[link] * HALF)
-        moments -= finger_jacobian(f, link, centre, up) * hand.weight[link]
-    return moments
+    # Written out, so that a link's number is known when this is compiled.
+    moments = _weighed(vec4(ZERO, ZERO, ZERO, ZERO), hand, f, 0, hand.weight[0])
+    moments = _weighed(moments, hand, f, 1, hand.weight[1])
+    return _weighed(moments, hand, f, 2, hand.weight[2])
 
 
 @wp.func
@@ -191,8 +212,14 @@ def free_joints(hand: Hand, base: transform, command: vec4):
     """
     q = vec4(command)
     if hand.weight[0] > ZERO:
-        q += weight_moments(hand, finger_pose(hand, base, command)) / hand.stiffness
+        q += weight_moments(hand, _pose_in_place(hand, base, command)) / hand.stiffness
     return q - beyond_stops(hand, q) * (hand.stop / (hand.stop + hand.stiffness))
+
+
+@wp.func
+def free_pose(hand: Hand, base: transform, command: vec4):
+    """The pose of a finger that touches nothing, in place: of its links only those asked for."""
+    return _pose_in_place(hand, base, free_joints(hand, base, command))
 
 
 @wp.func
