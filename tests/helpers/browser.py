@@ -1,13 +1,15 @@
 """A headless Chromium that may talk to nobody, and notes whatever it tries."""
 
+import atexit
 import base64
 import io
 import json
 import shutil
+import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -27,26 +29,39 @@ needs_browser = pytest.mark.skipif(
 
 
 @contextmanager
-def browser(profile: Path, loopback: bool = False) -> Iterator[Any]:
-    """A driver with a fresh profile, its console and requests recorded; it may talk to servers of
-    this machine if `loopback`."""
+def browser(loopback: bool = False) -> Iterator[Any]:
+    """A driver with an empty page, what its console says and asks for recorded from here on; it may
+    talk to servers of this machine if `loopback`. The browser behind it is started once."""
+    driver = _started(loopback)
+    first = driver.current_window_handle
+    driver.switch_to.new_window("tab")
+    driver.get("about:blank")
+    said(driver)
+    asked_for(driver)  # what the browser did by itself, before any page of ours
+    try:
+        yield driver
+    finally:
+        driver.close()
+        driver.switch_to.window(first)
+
+
+@cache
+def _started(loopback: bool) -> Any:
     from selenium import webdriver
     from selenium.webdriver.chrome.service import Service
 
+    profile = tempfile.TemporaryDirectory()
     options = webdriver.ChromeOptions()
     options.binary_location = str(CHROMIUM)
     for flag in (*FLAGS, NOBODY + ", EXCLUDE 127.0.0.1" * loopback,
-                 f"--user-data-dir={profile}"):
+                 f"--user-data-dir={profile.name}"):
         options.add_argument(flag)
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
     driver.set_page_load_timeout(60)
-    driver.get("about:blank")
-    driver.get_log("performance")  # what the browser did by itself, before any page of ours
-    try:
-        yield driver
-    finally:
-        driver.quit()
+    atexit.register(profile.cleanup)
+    atexit.register(driver.quit)  # before the profile goes
+    return driver
 
 
 def said(driver: Any) -> list[str]:

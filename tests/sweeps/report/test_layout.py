@@ -57,7 +57,7 @@ def test_words_say_what_is_seen(tmp_path: Path) -> None:
 @needs_browser
 @pytest.mark.parametrize("width", [360, 1600])
 def test_nothing_is_too_wide_for_the_screen(page: Path, tmp_path: Path, width: int) -> None:
-    with browser(tmp_path / "profile") as driver:
+    with browser() as driver:
         _set_width(driver, width)
         driver.get(page.as_uri())
         assert driver.execute_script(
@@ -73,7 +73,7 @@ def test_a_prior_in_the_place_of_a_body_is_named(page: Path, tmp_path: Path) -> 
     words = "Nothing was recovered"
     file = tmp_path / "report.html"
     file.write_text(page.read_text().replace('"place":"worst"', '"place":"worst","prior":true'))
-    with browser(tmp_path / "profile") as driver:
+    with browser() as driver:
         driver.get(file.as_uri())
         about = driver.find_element("id", "about")
         assert words not in about.text

@@ -283,7 +283,7 @@ def test_in_a_browser(played: tuple[Replay, EpisodeBlock], tmp_path: Path,
         *flags, "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"))
     out = tmp_path / "replay.html"
     replay.write_replay(played[0], out)
-    with browser(tmp_path / "profile") as driver:
+    with browser() as driver:
         driver.set_window_size(640, 480)
         driver.get(out.as_uri())
         seen: set[str] = set()

@@ -244,7 +244,7 @@ def test_in_a_browser(tmp_path: Path, whole_page: bytes, study: tuple[Plan, Stor
     """Loads, sorts by click and by key, draws and turns a body; asks for nothing, says nothing."""
     file = tmp_path / "report.html"
     file.write_bytes(whole_page)
-    with browser(tmp_path / "profile") as driver:
+    with browser() as driver:
         driver.get(file.as_uri())
         column = ("return [...document.querySelectorAll('#board tbody tr')]"
                   ".map(row => row.cells[0].textContent)")
@@ -300,7 +300,7 @@ def test_a_large_report_is_small_and_quick(tmp_path: Path, quick_views: None) ->
     assert len(content) <= 6e6
     file = tmp_path / "report.html"
     file.write_bytes(content)
-    with browser(tmp_path / "profile") as driver:
+    with browser() as driver:
         driver.get(file.as_uri())
         ready = driver.execute_script(
             "const t = performance.getEntriesByType('navigation')[0];"

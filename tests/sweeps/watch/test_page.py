@@ -55,7 +55,7 @@ def looked_at(folder: Path, monkeypatch: pytest.MonkeyPatch, state: State, look:
             {"version": 1, **state.plain()}))
         threading.Thread(target=server.serve_forever, daemon=True).start()
         try:
-            with browser(folder / "profile", loopback=True) as driver:
+            with browser(loopback=True) as driver:
                 driver.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", {
                     "width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False})
                 driver.execute_cdp_cmd("Emulation.setEmulatedMedia", {

@@ -113,7 +113,7 @@ def test_a_race_is_watched_in_a_browser(tmp_path: Path) -> None:
     try:
         assert watch.stdout is not None
         address = watch.stdout.readline().strip()
-        with browser(tmp_path / "profile", loopback=True) as driver:
+        with browser(loopback=True) as driver:
             driver.get(address)
             text = text_when(driver, "race, running", "is being run")
             for _ in range(900):
