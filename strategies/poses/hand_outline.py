@@ -45,9 +45,15 @@ class HandOutline:
     """From there to the fingers' bases, along x."""
     half_side_m: float
     """From there to the side of the outermost finger, along y."""
+    open_half_m: float
+    """From there to the skin of the nearest open fingertip, along the way that it closes."""
     scale: float
     """Distances of waypoint families are as many times as long: they are given for the default
     hand, and others keep theirs in proportion to their reach."""
+    wide: float
+    """As many times as wide is what fits between the open fingers, by how far these are apart; no
+    less than `scale`: a hand that opens less than its reach says touches wide things from before
+    them, and from farther off it would not reach."""
 
 
 def outline_of(hand: HandTable) -> HandOutline:
@@ -66,7 +72,7 @@ def _utah_mit(hand: HandTable) -> HandOutline:
     return HandOutline(
         4, 4, 3, hand.link_radius_m, tips, np.full(len(tips), hand.link_radius_m), (0.0, 0.0),
         hand.abduction_offset_m + length, hand.palm_gap_m / 2,
-        1.5 * hand.finger_spacing_m + hand.link_radius_m, 1.0)
+        1.5 * hand.finger_spacing_m + hand.link_radius_m, x - hand.link_radius_m, 1.0, 1.0)
 
 
 @lru_cache(maxsize=16)
@@ -80,17 +86,31 @@ def _chains(hand: ChainHand) -> HandOutline:
     # Straight fingers reach farthest: each at its highest while its base closes alone.
     straight = tip_places(hand, np.moveaxis(chain_commands(hand, BASE_FIRST), 0, 1))
     reach = float(straight[..., 2].max(0).min())
-    x, y = _meeting(hand, tips)
+    met, (x, y) = _meeting(hand, tips)
+    opened = _open_half(hand, tips[0, :, :2], tips[met, :, :2], np.array([x, y]))
+    usual = _utah_mit(HandTable())
+    scale = reach / usual.reach_m
     bases = np.array([link_frames_of(hand, f, way[f, 0])[0, :3, 3] for f in range(hand.fingers)])
     return HandOutline(
         hand.fingers, hand.width, hand.links, min(float(r.min()) for r in radii), places, radius,
         (x, y), reach, float(np.abs(bases[:, 0] - x).max()),
-        float((np.abs(places[:, 1] - y) + radius).max()), reach / _utah_mit(HandTable()).reach_m)
+        float((np.abs(places[:, 1] - y) + radius).max()), opened, scale,
+        max(opened / usual.open_half_m, scale))
 
 
-def _meeting(hand: ChainHand, tips_m: np.ndarray) -> tuple[float, float]:
-    """Where the tips (step, finger, 3) come nearest on their way, the thumb to the middle of the
-    others, or, without a thumb, all to their middle: x and y [m]."""
+def _open_half(
+    hand: ChainHand, open_m: np.ndarray, met_m: np.ndarray, centre_m: np.ndarray
+) -> float:
+    """`open_half_m` by x and y of the tips, open and where they meet, (finger, 2)."""
+    way = met_m - open_m
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    skin = [own[-1].radius for own in hand.capsules]
+    return float((((centre_m - open_m) * way).sum(1) - skin).min())
+
+
+def _meeting(hand: ChainHand, tips_m: np.ndarray) -> tuple[int, tuple[float, float]]:
+    """The step at which the tips (step, finger, 3) come nearest, the thumb to the middle of the
+    others, or, without a thumb, all to their middle; and where: x and y [m]."""
     names = [finger.name for finger in hand.model.fingers]
     if hand.model.thumb in names and len(names) > 1:
         thumb = names.index(hand.model.thumb)
@@ -100,5 +120,6 @@ def _meeting(hand: ChainHand, tips_m: np.ndarray) -> tuple[float, float]:
     middle = sides.mean(1)
     # Fingers side by side do not meet along y.
     apart = np.linalg.norm((sides - middle[:, None])[..., [0, 2]], axis=-1).sum(1)
-    x, y, _ = middle[apart.argmin()]
-    return float(x), float(y)
+    met = int(apart.argmin())
+    x, y, _ = middle[met]
+    return met, (float(x), float(y))

@@ -71,7 +71,8 @@ def pose_about(
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
     from below, is raised. Its fingers close about the place aimed at. Distances are those of
-    the default hand; others stay away in proportion to their reach. Shape (world, probe, 7).
+    the default hand; others stay away in proportion to their reach, and come nearer to
+    what is wide where their fingers open wider. Shape (world, probe, 7).
     """
     outline = outline_of(hand)
     x, y, height = (v[:, None] for v in (prior.x_m, prior.y_m, prior.height_m))
@@ -91,8 +92,8 @@ def pose_about(
         endways = np.where(np.abs(cos_t) > 1e-9, end / np.maximum(np.abs(cos_t), 1e-9), np.inf)
     # A hand opens only so far: what does not fit between its fingers is touched from farther off.
     across = prior.half_width(_closing_azimuth(frame))
-    stay = clearance_m * outline.scale + per_radius * np.maximum(
-        across - THIN_RADIUS_M * outline.scale, 0.0)
+    stay = outline.scale * (
+        clearance_m + per_radius * np.maximum(across / outline.wide - THIN_RADIUS_M, 0.0))
     away = np.maximum(np.minimum(sideways, endways), 0.0) + stay
     centre = np.stack([x + out * np.cos(angle), y + out * np.sin(angle), aim * height], -1)
     place = centre - approach * away[..., None]

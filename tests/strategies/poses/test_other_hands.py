@@ -1,6 +1,8 @@
 """Poses and closing paths of hands other than the Utah-MIT, in their own frame."""
 
+from importlib.resources import files
 from math import radians
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,6 +17,7 @@ from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.parameters import HandTable
 
 HANDS = ("allegro", "leap", "barrett")
+AS_CHAIN = HandTable(kind=str(files("warpgrasp.hands") / "data" / "utah_mit.toml"))
 PRIOR = BoundingCylinder(np.array([0.45]), np.array([0.1]), np.array([0.03]), np.array([0.1]))
 
 
@@ -73,7 +76,48 @@ def test_the_open_hand_clears_the_table(kind: str) -> None:
 
 def test_the_utah_mit_hand_keeps_its_distances() -> None:
     outline = outline_of(HandTable())
-    assert outline.scale == 1.0
+    assert outline.scale == outline.wide == 1.0
     assert outline.centre_m == (0.0, 0.0)
     for kind in HANDS:
         assert 0.9 < outline_of(HandTable(kind=kind)).scale < 1.2
+
+
+def test_the_utah_mit_hand_opens_as_far_read_as_chains() -> None:
+    by_table, by_chains = outline_of(HandTable()), outline_of(AS_CHAIN)
+    assert by_chains.open_half_m == pytest.approx(by_table.open_half_m, abs=1e-9)
+    assert by_chains.wide == pytest.approx(1.0, abs=1e-9)
+
+
+def opened_by(degrees: float, folder: Path) -> HandTable:
+    """The Utah-MIT hand as chains whose open fingers lean outwards by so much."""
+    text = Path(AS_CHAIN.kind).read_text()
+    assert text.count("_flexion1\" = -10.0") == 4
+    file = folder / f"opened_{degrees:.0f}.toml"
+    file.write_text(text.replace("_flexion1\" = -10.0", f"_flexion1\" = {-degrees}").replace(
+        "limits_deg = [-10.0,", "limits_deg = [-45.0,"))
+    return HandTable(kind=str(file))
+
+
+def palm_away_m(hand: HandTable, radius_m: float) -> float:
+    """How far the hand's origin stays from the axis of an upright prior, level before it."""
+    prior = BoundingCylinder(np.array([0.45]), np.array([0.1]), np.array([radius_m]),
+                             np.array([0.4]))
+    level = Ring(count=1, tilt_rad=radians(90))
+    pose = waypoint_poses((level,), prior, hand, np.zeros(1, np.uint64))[0, 0]
+    return float(np.linalg.norm(pose[:2] - [0.45, 0.1]))
+
+
+def test_hands_that_open_wider_come_nearer_to_what_is_wide(tmp_path: Path) -> None:
+    usual, wider = opened_by(10.0, tmp_path), opened_by(30.0, tmp_path)
+    table = HandTable()
+    tip = table.palm_gap_m / 2 + sum(table.link_length_m) * np.sin(radians(30.0))
+    opening = tip - table.link_radius_m
+    assert outline_of(wider).open_half_m == pytest.approx(opening, abs=1e-9)
+    ratio = opening / outline_of(table).open_half_m
+    assert palm_away_m(wider, 0.015) == pytest.approx(palm_away_m(usual, 0.015), abs=1e-3)
+    for radius in (0.05, 0.08):
+        nearer = palm_away_m(usual, radius) - palm_away_m(wider, radius)
+        assert nearer == pytest.approx(1.5 * radius * (1 - 1 / ratio), abs=1e-3)
+    # One that hardly opens reaches nothing from farther off.
+    narrow = opened_by(-10.0, tmp_path)
+    assert palm_away_m(narrow, 0.05) == pytest.approx(palm_away_m(usual, 0.05), abs=1e-3)
