@@ -112,7 +112,8 @@ def pairs_section(paired: Paired, metric: str) -> str:
     return section("Is the difference real?", paragraph(
         "p_objects (Wilcoxon's signed-rank test over objects) generalizes to other objects, "
         "p_episodes (a t-test within objects) to other episodes with these; _holm is corrected "
-        "for the number of comparisons."),
+        "for the number of all pairs, since the best is chosen after the fact. Intervals are of "
+        "each pair alone."),
         table("Each strategy against the best", made.header, made.rows),
         *(paragraph(note) for note in made.notes if note not in paired.notes), name="pairs")
 
