@@ -145,6 +145,7 @@ def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
         "Means; the tint is the difference from the strategy's mean."), paragraph(
         "spread is the largest level mean minus the smallest, with the interval of that "
         "difference; share is the factor's part of the variance between settings."),
+        *(paragraph(note) for note in found.notes if note not in paired.notes),
         table("Means by level", found.header, found.rows), name="settings")
 
 
