@@ -19,8 +19,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "interval_note", "read_objects", "read_paired"],
     "pairs": ["pairs_table"],
     "pareto": ["COST", "Pareto", "columns_of", "find_front", "pareto_table"],
-    "rerun_episode": ["Episode", "WorkerDied", "cell_of", "choose_episode", "in_a_worker",
-        "rerun", "rerun_all"],
+    "rerun_episode": ["Episode", "OTHERWISE", "WorkerDied", "cell_of", "choose_episode",
+        "ended_otherwise", "in_a_worker", "rerun", "rerun_all"],
     "sensitivity": ["EPISODES", "HEADER", "check_study", "sensitivity_spec", "sensitivity_table"],
     "settings": ["Effect", "effects", "read_settings", "settings_table"],
 })

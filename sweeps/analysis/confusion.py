@@ -57,7 +57,7 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
     last = [name for name in (NONE_OF_THESE, NO_ANSWER) if name in given]
     answers = [*objects, *sorted(given - {*objects, NONE_OF_THESE, NO_ANSWER}), *last]
     notes = list(reading_notes(plan, missing, len(objects)))
-    if not asked:
+    if objects and not asked:
         notes.append("no strategy of this study names what it felt")
     shares = {label: float(np.mean([np.mean(right[label, body]) for body in objects]))
               for label in asked}

@@ -6,6 +6,9 @@ than six can prove nothing at 5 %. *Is it so on these objects?* The mean over ob
 differences over episodes is compared with its standard error within the objects (a paired t-test
 stratified by object, Welch and Satterthwaite's degrees of freedom); an episode averaged over swept
 points is one, at its mean.
+
+The best of a leaderboard is chosen after the fact. Its comparisons therefore count as chosen from
+all pairs; those with an entry that was named beforehand count by themselves.
 """
 
 from collections.abc import Sequence
@@ -127,12 +130,17 @@ def variance_ratio(first: Sequence[np.ndarray], second: Sequence[np.ndarray]) ->
     return paired / unpaired if unpaired else float("nan")
 
 
-def holm(p: np.ndarray) -> np.ndarray:
-    """Holm's adjusted p-values (1979); NaN stays NaN and does not count."""
+def holm(p: np.ndarray, chosen_from: int | None = None) -> np.ndarray:
+    """Holm's adjusted p-values (1979); NaN stays NaN and does not count.
+
+    Where these comparisons were chosen from more, `chosen_from` is the number of all: each then has
+    at least the value that it has among all of them.
+    """
     adjusted = np.full(len(p), np.nan)
     known = np.flatnonzero(np.isfinite(p))
     order = known[np.argsort(p[known], kind="stable")]
-    scaled = p[order] * (len(order) - np.arange(len(order)))
+    count = len(order) + ((chosen_from or len(p)) - len(p))
+    scaled = p[order] * (count - np.arange(len(order)))
     adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
     return adjusted
 
@@ -141,8 +149,10 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
     """The table of `warpgrasp table DIR pairs`."""
     pairs = compare_pairs(paired, metric, against)
     digits = digits_of(metric)
-    of_objects = holm(np.array([pair.p_objects for pair in pairs]))
-    of_episodes = holm(np.array([pair.p_episodes for pair in pairs]))
+    entries = len(paired.labels)
+    count = entries * (entries - 1) // 2 if against in (None, "best") else len(pairs)
+    of_objects = holm(np.array([pair.p_objects for pair in pairs]), count)
+    of_episodes = holm(np.array([pair.p_episodes for pair in pairs]), count)
     known = paired.known_objects(metric)
     rows = tuple(
         (pair.first, pair.second, number_text(pair.difference, digits),
@@ -155,7 +165,9 @@ def pairs_table(paired: Paired, metric: str, against: str | None = None) -> Text
               "paired_over_unpaired")
     return TextTable(header, rows, (
         *paired.notes_of_data,
-        *_power(known, len(pairs), fewer=against is None and len(pairs) > 1)))
+        *_power(known, count, fewer=count > entries - 1),
+        *([f"{pairs[0].second} was found to be the best after the fact: _holm counts all "
+           f"{count} pairs"] if against == "best" and count > len(pairs) else [])))
 
 
 def _p(value: float) -> str:
@@ -169,7 +181,7 @@ def _power(objects: int, pairs: int, fewer: bool) -> list[str]:
     if not pairs or smallest <= LEVEL:
         return []
     enough = int(np.ceil(1 + np.log2(pairs / LEVEL)))
-    or_fewer = ", or fewer comparisons (--against best)" if fewer else ""
+    or_fewer = ", or fewer comparisons (--against an entry chosen beforehand)" if fewer else ""
     return [f"with {objects} objects and {pairs} comparison{'s' * (pairs != 1)} p_objects_holm "
             f"cannot fall below {smallest:.2g}: a claim about other objects needs {enough} "
             f"objects{or_fewer}"]

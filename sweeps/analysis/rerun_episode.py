@@ -1,4 +1,8 @@
-"""Running one episode of a study again, with all that was felt: the same bits as before."""
+"""Running one episode of a study again, with all that was felt: the same bits as before.
+
+There is one exception. What a planner raises ends all episodes of its block, since nobody knows
+which of them it was about; run again alone, the others go on.
+"""
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
@@ -14,7 +18,7 @@ from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, cell_hash
 from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
@@ -110,6 +114,27 @@ def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
                 tries, workers = tries - 1, 1  # one alone needs least memory
         if left and not tries:
             raise WorkerDied
+
+
+OTHERWISE = ("a planner's exception ends all episodes of its block; or this is another machine or "
+             "version")
+"""Why an episode may end otherwise when it is run again."""
+
+
+def ended_otherwise(plan: Plan, stores: Sequence[Store], episode: Episode, status: str) -> str:
+    """What a reader should know if an episode that was run again has another status than its row;
+    empty if it has the same, or no row."""
+    cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
+    name = cell_hash(cell, plan.study.objects[episode.body])
+    units = (plan.unit(cell, name, block) for block in range(plan.block_count))
+    unit = next(unit for unit in units if unit.start <= episode.episode < unit.stop)
+    found = (rows for store in stores if (rows := store.read(unit)) is not None)
+    row = {key: values[episode.episode - unit.start] for key, values in next(found, {}).items()
+           if key in ("status", "note")}
+    if not row or row["status"] == status:
+        return ""
+    said = f" ({row['note']})" if row.get("note") else ""
+    return f"its row in the study has the status {row['status']}{said}: {OTHERWISE}"
 
 
 def in_a_worker(function: Callable[[Any], Any], task: Any) -> Any:

@@ -45,6 +45,8 @@ class Effect:
     """The largest minus the smallest level mean, and the interval of the difference of these two
     levels: with other objects or episodes either may be the larger."""
     share: float
+    level_of: tuple[int, ...]
+    """The level of each of the strategy's settings."""
 
 
 def read_settings(plan: Plan, stores: Sequence[Store], metric: str,
@@ -91,7 +93,8 @@ def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterat
                 yield Effect(strategy.name, key, names, at, found.value, found.low, found.high,
                              tuple(int(count) for count in counts),
                              (between_two, least_apart, most_apart),
-                             float(inside / between) if between > 0 else float("nan"))
+                             float(inside / between) if between > 0 else float("nan"),
+                             tuple(level.tolist()))
 
 
 def _levels(values: list[object], cut: bool) -> tuple[tuple[str, ...], np.ndarray]:
@@ -114,12 +117,26 @@ def _is_number(value: object) -> bool:
 def settings_table(plan: Plan, paired: Paired, metric: str) -> TextTable:
     """The table of `warpgrasp table DIR settings`: a line a level."""
     digits = digits_of(metric)
-    rows = []
-    for effect in effects(plan, paired, metric):
+    rows, found = [], list(effects(plan, paired, metric))
+    for effect in found:
         about = (*(number_text(v, digits) for v in effect.spread), number_text(effect.share, 4))
         rows += [(effect.strategy, effect.factor, level, str(effect.settings[n]),
                   *(number_text(v[n], digits) for v in (effect.value, effect.low, effect.high)),
                   *about) for n, level in enumerate(effect.levels)]
     header = ("strategy", "factor", "level", "n_settings", metric, f"{metric}_ci_low",
               f"{metric}_ci_high", "spread", "spread_ci_low", "spread_ci_high", "share")
-    return TextTable(header, tuple(rows), paired.notes)
+    return TextTable(header, tuple(rows), (*paired.notes, *together_notes(found)))
+
+
+def together_notes(found: Sequence[Effect]) -> Iterator[str]:
+    """Factors that nothing tells apart: each level of one is a level of the other, as of zipped
+    keys, and of keys that were sampled at a few points."""
+    groups: dict[tuple[str, tuple[int, ...]], list[str]] = {}
+    for effect in found:
+        first: dict[int, int] = {}  # levels by their first setting, whatever their order
+        same = tuple(first.setdefault(level, n) for n, level in enumerate(effect.level_of))
+        if len(first) > 1:
+            groups.setdefault((effect.strategy, same), []).append(effect.factor)
+    for factors in dict.fromkeys(tuple(names) for names in groups.values() if len(names) > 1):
+        yield (f"{' and '.join(factors)} vary together: their levels are the same settings, and "
+               "what is said of one may be due to the other")

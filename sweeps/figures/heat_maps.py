@@ -53,7 +53,10 @@ def draw_confusion(found: Confusion, label: str | None = None) -> "Figure":
     Raises LeaderboardError for an unknown entry, and where none names the object.
     """
     if not found.labels:
-        raise LeaderboardError("confusion: no strategy of this study names what it felt")
+        raise LeaderboardError("confusion: no strategy of this study names what it felt"
+                               if found.objects else
+                               "confusion: no block of episodes is finished for every strategy "
+                               "yet; `warpgrasp status` says how far it is")
     if label is None:
         label = max(found.labels, key=lambda name: found.recognized[name])
     if label not in found.labels:

@@ -13,7 +13,14 @@ from sweeps.analysis.curves import ERROR, once_notes, read_curves
 from sweeps.analysis.entries import check_metric
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pareto import columns_of
-from sweeps.analysis.rerun_episode import Episode, cell_of, choose_episode, in_a_worker, rerun
+from sweeps.analysis.rerun_episode import (
+    Episode,
+    cell_of,
+    choose_episode,
+    ended_otherwise,
+    in_a_worker,
+    rerun,
+)
 from sweeps.analysis.settings import read_settings
 from sweeps.figures.curves import draw_curves, draw_levels
 from sweeps.figures.forest import draw_forest
@@ -85,7 +92,10 @@ def _chosen(asked: Asked) -> Episode:
 
 def _rerun(asked: Asked) -> "tuple[Cell, EpisodeBlock]":
     chosen = _chosen(asked)
-    return cell_of(asked.plan, chosen), rerun(asked.plan, chosen)
+    cell, block = cell_of(asked.plan, chosen), rerun(asked.plan, chosen)
+    if line := ended_otherwise(asked.plan, asked.stores, chosen, str(block.status[0])):
+        note(line)
+    return cell, block
 
 
 # Figures of episodes are attributes of the room, which imports them and the simulator when used.

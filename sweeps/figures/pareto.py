@@ -53,8 +53,9 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
                       color=MUTED, lw=0.6, label=f"{len(rest)} dominated" if rest else None)
         axes.plot(cost.value[idle], error.value[idle], "x", ms=3.5, color=MUTED,
                   label=f"{len(idle)} no better than {REFERENCE}" if idle else None)
-        axes.step(cost.value[front], error.value[front], where="post", color="#555555", lw=0.6,
-                  ls="--")
+        # above the bars, which run along its steps
+        axes.step(cost.value[front], error.value[front], where="post", color="#222222", lw=0.8,
+                  ls="--", zorder=4, label="_front")
         unnamed = [n for n in front if n not in named]
         axes.plot(cost.value[unnamed], error.value[unnamed], "o", ms=3, mfc="none", color="#555555",
                   label=f"{len(unnamed)} more on the front" if unnamed else None)

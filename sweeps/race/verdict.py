@@ -132,7 +132,9 @@ def summary(found: Verdict) -> dict[str, str]:
                  + (f", {left:,} open" if left else "")),
         "paired": f"{number_text(found.paired, 2)} of the variance of unpaired differences",
         "episodes": f"{taken:,} in {last.number} rung{'s' * (last.number > 1)}",
-        "equal": f"{found.equal:,.0f} if all had as many ({times:.2g} times; computed)",
+        "equal": (f"{found.equal:,.0f} if all had as many, planned for "
+                  f"{amount(found.rules.within, found.metric)} with all spreads known "
+                  f"({times:.2g} times; computed)"),
     }
 
 

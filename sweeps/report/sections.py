@@ -112,7 +112,8 @@ def pairs_section(paired: Paired, metric: str) -> str:
     return section("Is the difference real?", paragraph(
         "p_objects (Wilcoxon's signed-rank test over objects) generalizes to other objects, "
         "p_episodes (a t-test within objects) to other episodes with these; _holm is corrected "
-        "for the number of comparisons."),
+        "for the number of all pairs, since the best is chosen after the fact. Intervals are of "
+        "each pair alone."),
         table("Each strategy against the best", made.header, made.rows),
         *(paragraph(note) for note in made.notes if note not in paired.notes), name="pairs")
 
@@ -144,6 +145,7 @@ def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
         "Means; the tint is the difference from the strategy's mean."), paragraph(
         "spread is the largest level mean minus the smallest, with the interval of that "
         "difference; share is the factor's part of the variance between settings."),
+        *(paragraph(note) for note in found.notes if note not in paired.notes),
         table("Means by level", found.header, found.rows), name="settings")
 
 

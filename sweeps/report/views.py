@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from strategies.recovery.choose_model import Shape
 from sweeps.analysis.entries import values_of
-from sweeps.analysis.rerun_episode import Episode, WorkerDied, cell_of, rerun_all
+from sweeps.analysis.rerun_episode import OTHERWISE, Episode, WorkerDied, cell_of, rerun_all
 from sweeps.episode.episodes import EpisodeBlock
 from sweeps.figures.meshes import (
     coarse_mesh,
@@ -122,8 +122,8 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
     notes = [died] if died else []
     notes += [f"no episode of it is shown: {why}" for why in sorted(set(missing.values()) - {""})]
     if differ:
-        notes.append(f"{differ} of the episodes shown have other results than in the sweep: this "
-                     "is another machine, or another version")
+        notes.append(f"{differ} of the episodes shown have other results than in the sweep: "
+                     f"{OTHERWISE}")
     return Views(bodies, episodes, notes)
 
 

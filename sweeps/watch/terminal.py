@@ -25,7 +25,8 @@ def watch_in_terminal(folder: Path, *, metric: str) -> int:
         state = view.state()
         live = sys.stdout.isatty() and state.running
         print((CLEAR if live else "") + as_text(state), flush=True)
-        print_table(HEADER, [_cells(row) for row in state.rows[:ROWS]], False)
+        race = state.kind == "race"
+        print_table(HEADER, [_cells(row, race) for row in state.rows[:ROWS]], False)
         rest = max(0, len(state.rows) - ROWS) + state.more
         print("\n".join([*([f"... {rest:,} more"] if rest else []), "", *_ends(state)]), flush=True)
         if not live:
@@ -36,11 +37,16 @@ def watch_in_terminal(folder: Path, *, metric: str) -> int:
             return 0
 
 
+ONE_SIDED = ("Where a bar begins is in the column low, or high where more is better; the other "
+             "side has no bound (NA).")
 HEADER = ("strategy", "mean", "low", "high", "behind", "verdict", "episodes", "touches")
 
 
-def _cells(row: Row) -> tuple[str, ...]:
-    numbers = (row.mean, row.low, row.high, row.behind)
+def _cells(row: Row, one_sided: bool = False) -> tuple[str, ...]:
+    """A row as text. A race bounds an entry on one side: there the mean is no end of an interval,
+    as it is of a bar that is drawn from the bound to it."""
+    ends = (None if one_sided and end == row.mean else end for end in (row.low, row.high))
+    numbers = (row.mean, *ends, row.behind)
     return (row.label, *(_text(value, 3) for value in numbers), verdict_word(row.verdict),
             f"{row.episodes}", _text(row.touches, 1))
 
@@ -63,5 +69,6 @@ def _ends(state: State) -> list[str]:
     failed = ", ".join(f"{count:,} {name}" for name, count in state.failures)
     failed = failed or ("none" if state.rows else "not known yet")
     return [on_one_line(line) for line in (
-        state.about, f"failed episodes: {failed}",
+        state.about, *([ONE_SIDED] if state.kind == "race" else ()),
+        f"failed episodes: {failed}",
         *state.faults, *(f"unit set aside: {text}" for text in state.failed_units))]

@@ -4,12 +4,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from curved_episodes import lists, table_rows, written
+from curved_episodes import lists, table_rows, wide_study, wide_text, written
 
+from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.curves import POINTS, curves_table, read_curves
+from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
+from sweeps.figures.heat_maps import draw_confusion
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns
 
@@ -106,3 +109,36 @@ def test_rounding_is_no_share_of_a_factor(tmp_path: Path, value: float) -> None:
         '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6, 9]\n"object.yaw_deg" = [0, 45]\n')
     table = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
     assert {row["share"] for row in table_rows(table)} == {"NA"}
+
+
+TOGETHER = "vary together: their levels are the same settings"
+
+
+@pytest.mark.parametrize(("swept", "names"), [
+    ('[sweep.zip]\n"sensors.tendon_threshold_N" = [3, 6, 9]\n"object.yaw_deg" = [90, 0, 45]\n',
+     "sensors.tendon_threshold_N and object.yaw_deg "),
+    ('[sweep.sobol]\nn = 4\n"sensors.tendon_threshold_N" = { low = 3, high = 9 }\n'
+     '"object.yaw_deg" = { low = 0, high = 90 }\n',
+     "sensors.tendon_threshold_N and object.yaw_deg "),
+    ('[sweep.sobol]\nn = 16\n"sensors.tendon_threshold_N" = { low = 3, high = 9 }\n'
+     '"object.yaw_deg" = { low = 0, high = 90 }\n', ""),
+    ('[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6]\n"object.yaw_deg" = [0, 45]\n', ""),
+])
+def test_factors_that_nothing_tells_apart_are_named(tmp_path: Path, swept: str, names: str
+                                                     ) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4, swept))
+    notes = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm").notes
+    told = [note for note in notes if TOGETHER in note]
+    assert len(told) == bool(names)
+    assert all(note.startswith(names + TOGETHER) for note in told)
+
+
+def test_a_confusion_of_a_study_without_a_finished_block_says_so(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4))
+    for unit in plan.units():
+        if unit.cell.strategy.name == "s":
+            store.path(unit).unlink()
+    found = read_confusion(plan, [store])
+    assert not any("names what it felt" in note for note in found.notes)
+    with pytest.raises(LeaderboardError, match="no block of episodes is finished"):
+        draw_confusion(found)

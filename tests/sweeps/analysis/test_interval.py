@@ -2,11 +2,18 @@
 
 import numpy as np
 import pytest
+from doc_blocks import ROOT
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from sweeps.analysis.interval import ObjectMeans, critical_difference, sensible_ends
+from sweeps.analysis.entries import bounds_of
+from sweeps.analysis.interval import (
+    ObjectMeans,
+    critical_difference,
+    sensible_ends,
+    small_sample_widening,
+)
 from sweeps.analysis.paired import failure_score, filled
 
 
@@ -37,6 +44,24 @@ def test_objects_like_these_are_a_t_test_of_their_means_widened_for_skewness() -
         wider.append(objects * ((found.high[1] - found.low[1]) / (high - low) - 1.0))
     assert wider[0] == pytest.approx(wider[1], rel=1e-9)
     assert 0.5 < wider[0] < 0.75  # Hall's expansion at a skewness of 0.8
+
+
+def test_intervals_of_means_are_as_the_page_on_leaderboards_says() -> None:
+    page = " ".join((ROOT / "docs/leaderboard.md").read_text().split())
+    wider = float(page.partition("h is multiplied by 1 + ")[2].partition(" divided")[0])
+    assert small_sample_widening(1) == pytest.approx(1.0 + wider, abs=5e-4)
+    data = np.random.default_rng(4).uniform(0.1, 0.9, (6, 5, 3))
+    objects = data.mean(axis=1)
+    mean, spread = objects.mean(axis=0), objects.std(axis=0, ddof=1)
+    half = stats.t.ppf(0.975, 5) * spread / np.sqrt(6) * small_sample_widening(6)
+    assert "m exp(-h/m) and m exp(h/m)" in page
+    found = means_of(data).values("like-these", bounds_of("chamfer_mm"))
+    assert found.low == pytest.approx(mean * np.exp(-half / mean), rel=1e-9)
+    assert found.high == pytest.approx(mean * np.exp(half / mean), rel=1e-9)
+    assert "logit is h / (m (1 - m)) lower and higher" in page
+    shares = means_of(data).values("like-these", bounds_of("iou"))
+    logit = np.log(mean / (1.0 - mean)) + half / (mean * (1.0 - mean))
+    assert shares.high == pytest.approx(1.0 / (1.0 + np.exp(-logit)), rel=1e-9)
 
 
 @pytest.mark.parametrize("objects", [

@@ -2,13 +2,15 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from curved_episodes import wide_study, wide_text
 
 from sweeps.analysis.leaderboard import make_leaderboard
-from sweeps.analysis.rerun_episode import choose_episode
+from sweeps.analysis.rerun_episode import OTHERWISE, Episode, choose_episode, ended_otherwise
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.run.unit_file import write_unit
 from sweeps.spec.errors import StoreError
 
 SWEPT = wide_text(2, 2, 8, """
@@ -56,3 +58,22 @@ def test_a_study_of_one_entry_needs_no_units(tmp_path: Path) -> None:
     for file in store.units.iterdir():
         file.unlink()
     assert choose_episode(plan, [store], None, None, 1).setting == 0
+
+
+def test_an_episode_that_ends_otherwise_than_its_row_is_told(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(1, 2, 70))
+    unit = next(unit for unit in plan.units() if unit.start == 64)
+    rows = store.read(unit)
+    assert rows is not None
+    notes = np.full(len(rows["status"]), "", object)
+    notes[3] = "mine.py:7: next_best: ValueError"
+    status = np.array(rows["status"], object)
+    status[3] = "strategy_failed"
+    write_unit(store.path(unit), unit.id, {**rows, "status": status, "note": notes})
+    episode = Episode(0, [body.name for body in plan.study.objects].index(unit.cell.object_name),
+                      67)
+    assert ended_otherwise(plan, [store], episode, "ok") == (
+        "its row in the study has the status strategy_failed (mine.py:7: next_best: ValueError): "
+        f"{OTHERWISE}")
+    assert ended_otherwise(plan, [store], episode, "strategy_failed") == ""
+    assert ended_otherwise(plan, [], episode, "ok") == ""  # of a race: no such unit

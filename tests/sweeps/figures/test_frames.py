@@ -80,6 +80,10 @@ def test_entries_of_a_front_look_different() -> None:
              and str(bars.get_label()).startswith("s") and bars.lines[0] is not None]
     assert len(marks) == len(set(marks)) == count
     assert "less is better" in drawn.axes[0].get_ylabel()
+    front = next(line for line in drawn.axes[0].lines if line.get_label() == "_front")
+    bars = [part for found in drawn.axes[0].containers if isinstance(found, ErrorbarContainer)
+            for part in found.lines[2]]
+    assert front.get_zorder() > max(part.get_zorder() for part in bars)  # they lie on its steps
 
 
 def test_levels_have_ticks_at_the_values_that_were_swept(tmp_path: Path) -> None:

@@ -86,6 +86,8 @@ def test_one_rung_is_one() -> None:
     found = verdict(2, Rules(9.0))
     assert len(found.looks) == 1
     assert summary(found)["episodes"].endswith(" in 1 rung")
+    margin = f"planned for {found.rules.within:g} mm with all spreads known ("
+    assert margin in summary(found)["equal"]  # also where a budget supports less
 
 
 def test_a_table_ranks_by_the_difference_to_the_winner() -> None:

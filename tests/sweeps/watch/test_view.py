@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -25,7 +26,7 @@ from sweeps.run.worker import run_units
 from sweeps.spec.errors import StoreError
 from sweeps.watch.any_time import alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
-from sweeps.watch.state import faults_of
+from sweeps.watch.state import Row, State, faults_of
 from sweeps.watch.terminal import _cells, _ends, as_text
 from sweeps.watch.view import View
 
@@ -285,6 +286,17 @@ def test_a_race_is_its_csv(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
     capsys.readouterr()
     assert cli.run(["report", str(out), "-o", str(tmp_path / "r.html")]) == 3
     assert "holds a race, whose outcome is in its race.csv" in capsys.readouterr().err
+
+
+def test_a_mean_is_no_end_of_a_one_sided_bound_as_text() -> None:
+    bounded = Row("s", 8.5, 6.0, 8.5, 0.1, "tied", 87, 3, 28.0)
+    assert _cells(bounded, True)[1:4] == ("8.500", "6.000", "NA")
+    assert _cells(replace(bounded, low=8.5, high=9.0), True)[1:4] == ("8.500", "NA", "9.000")
+    assert _cells(replace(bounded, low=8.5), True)[2:4] == ("NA", "NA")  # the first
+    assert _cells(replace(bounded, low=8.5), False)[2:4] == ("8.500", "8.500")  # all episodes agree
+    race = State("race", "r", False, "", (), 1.0, "chamfer_mm", "", (bounded,), 0)
+    assert any("the other side has no bound" in line for line in _ends(race))
+    assert not any("no bound" in line for line in _ends(replace(race, kind="sweep")))
 
 
 @pytest.mark.slow
