@@ -85,7 +85,7 @@ def fit_known(
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
                          f"{normals.shape}, sigma_m {sigma_m.shape}")
     kept = mask & _are_touches(points, sigma_m)
-    bad = (mask & ~kept).any(axis=1)
+    bad = np.asarray((mask & ~kept).any(axis=1))
     found = []
     for world, own in enumerate(kept):
         free = np.zeros((0, 3))
