@@ -31,9 +31,9 @@ class FitStatus(IntEnum):
     degenerate_plane = 5
     """All points lie in a plane, so the thickness of a solid is unknown."""
     bad_points = 6
-    """An unmasked point or its evidence is NaN or beyond 1e12 m, a variance is negative, or the
-    table is no height that a body touched there stands on: all points lie below it, or far above
-    it (`FAR`)."""
+    """An unmasked point or its evidence is NaN or beyond 1e12 m (of a free form also the mean
+    there), a variance is negative, or the table is no height that a body touched there stands on:
+    all points lie below it, or far above it (`FAR`)."""
 
 
 def status_names(status) -> list[str]:

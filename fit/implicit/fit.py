@@ -73,7 +73,8 @@ def fit_implicit(
             mean's slope where no normal is known.
         normals: outward normals at the touches, NaN where unknown.
         mean: signed distance of the body believed before [m]; None: a sphere about the touches.
-            Where touches agree with it, and far from them, the body stays that of the mean.
+            Where touches agree with it, and far from them, the body stays that of the mean. A set
+            at a touch of which it is no number is `bad_points`.
         table_z: height of a table, below which nothing of the body is [m].
         free_points, free_radius, free_mask: balls [m] of known free space.
         options: see `ImplicitOptions`.
@@ -82,7 +83,7 @@ def fit_implicit(
         `ImplicitFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
-        ValueError: an array of the wrong shape, or a mean that is not finite at a touch.
+        ValueError: an array of the wrong shape.
     """
     options = options_of(options, ImplicitOptions)
     sets = prepare(points, mask, covariance, normals, table_z)
@@ -95,6 +96,7 @@ def fit_implicit(
     if not (fits.status == FitStatus.converged).any():
         return _widened(fits, 1)
     rows = touch_rows(sets, mean, options, 0 if free is None else FREE_ROWS)
+    fits.status[~rows.fitted & (fits.status == FitStatus.converged)] = FitStatus.bad_points
     rows = with_normals(rows, sets, mean, _first_normals(rows), options)
     buckets: list[tuple[np.ndarray, np.ndarray, ProcessData]] = []
     for index, data in _buckets(rows):

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from fit.arrays import is_valid
 from fit.implicit.process import ProcessData
 from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
@@ -36,11 +37,11 @@ def free_space(sets: Sets, mean: Mean, points, radius, mask) -> FreeSpace:
     shape = points.shape[:2]
     radius = spread_array("free_radius", 0.0 if radius is None else radius, shape)
     kept = checked_array("free_mask", np.ones(shape) if mask is None else mask, shape, bool)
-    kept = kept & np.isfinite(points).all(axis=2) & np.isfinite(radius)
+    kept = kept & is_valid(points).all(axis=2) & is_valid(radius)
     points = np.where(kept[..., None], points, sets.origin[:, None])
-    values = mean(points, np.arange(n))
-    return FreeSpace(points, radius, np.where(np.isfinite(values), values, 0.0),
-                     kept & np.isfinite(values))
+    values = checked_array("mean", mean(points, np.arange(n)), shape)
+    told = is_valid(values)
+    return FreeSpace(points, radius, np.where(told, values, 0.0), kept & told)
 
 
 def chosen_balls(

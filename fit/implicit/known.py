@@ -14,6 +14,7 @@ from jaxtyping import Bool, Float
 from scipy.linalg import cho_factor, cho_solve, cholesky, eigh, solve_triangular
 from scipy.spatial.distance import cdist
 
+from fit.arrays import is_valid
 from fit.fit_status import FitStatus
 from fit.implicit.record import ImplicitFit, Mean
 
@@ -23,6 +24,8 @@ LEAST_SCALE = 1e-9
 FEWEST = 4
 """Touches; with fewer there is no body."""
 NO_TABLE_M = -1e12
+NO_ROWS = np.zeros((0, 3)), np.zeros(0), np.zeros(0), 1.0
+"""Of a process that there is none of, as `_fitted` gives them."""
 
 
 @dataclass(frozen=True)
@@ -74,21 +77,31 @@ def fit_known(
     agrees with what was expected.
 
     Returns `ImplicitFit`, whose mean is `mean`, or `process.mean` where none is given; a set of
-    fewer than four touches has the status `too_few_points` and no body. Raises ValueError for
-    arrays whose shapes disagree.
+    fewer than four touches has the status `too_few_points` and no body, one with a touch whose
+    place, deviation or mean is no number `bad_points`. Balls of free space and normals that are
+    none do not count. Raises ValueError for arrays whose shapes disagree.
     """
     if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
                          f"{normals.shape}, sigma_m {sigma_m.shape}")
+    kept = mask & _are_touches(points, sigma_m)
+    bad = np.asarray((mask & ~kept).any(axis=1))
     found = []
-    for world in range(len(points)):
-        own = mask[world]
+    for world, own in enumerate(kept):
         free = np.zeros((0, 3))
         if free_points is not None and free_mask is not None:
-            free = free_points[world][free_mask[world]]
-        found.append(_fitted(points[world][own], normals[world][own], sigma_m[world][own], free,
-                             free_radius, process, of_fit(mean or process.mean, world)))
-    return _record(found, points, mask, process, table_z)
+            free = free_points[world][free_mask[world] & is_valid(free_points[world]).all(1)]
+        rows = None if bad[world] else _fitted(
+            points[world][own], normals[world][own], sigma_m[world][own], free, free_radius,
+            process, of_fit(mean or process.mean, world))
+        bad[world] = rows is None
+        found.append(rows or NO_ROWS)
+    return _record(found, points, kept, bad, process, table_z)
+
+
+def _are_touches(points: np.ndarray, sigma_m: np.ndarray) -> np.ndarray:
+    """Which touches have a place and a deviation that are numbers."""
+    return is_valid(points).all(axis=-1) & is_valid(sigma_m)
 
 
 def of_fit(mean: Mean, number: int) -> Callable[[np.ndarray], np.ndarray]:
@@ -103,7 +116,7 @@ def known_rows(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Places [m] (row, 3), distances [m] and variances [m^2] (row,) of touches and of points off
     the surface along known normals, and which touch each of them comes from, int (row,)."""
-    known = np.flatnonzero(np.isfinite(normals).all(1))
+    known = np.flatnonzero(is_valid(normals).all(1))
     touch = np.concatenate([np.arange(len(points)), known])
     away = np.where(np.arange(len(touch)) < len(points), 0.0, process.offset_m)
     at = points[touch] + away[:, None] * np.nan_to_num(normals[touch])
@@ -121,11 +134,12 @@ def shared_error_means(
     normal. A touch then says f = -(its share of every error), to first order: beside the kernel of
     the process stands one of rank `error` (a linear model with a Gaussian process as remainder,
     Rasmussen and Williams 2006, section 2.7), and the posterior mean of the errors follows. Sets of
-    fewer than four touches tell nothing: zeros.
+    fewer than four touches, or with one of which a number is none, tell nothing: zeros.
     """
     found = np.zeros((len(points), shared_m.shape[2]))
+    sound = (_are_touches(points, sigma_m) & is_valid(shared_m).all(axis=2)) | ~mask
     for world, own in enumerate(mask):
-        if own.sum() >= FEWEST:
+        if own.sum() >= FEWEST and sound[world].all():
             at, away, noise, touch = known_rows(
                 points[world][own], normals[world][own], sigma_m[world][own], process)
             share = shared_m[world][own][touch]
@@ -202,13 +216,20 @@ def known_kernel(process: KnownProcess, a: np.ndarray, b: np.ndarray) -> np.ndar
 
 def _fitted(points: np.ndarray, normals: np.ndarray, sigma: np.ndarray, free: np.ndarray,
             radius: float, process: KnownProcess, mean: Callable[[np.ndarray], np.ndarray]
-            ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray, float] | None:
     """Rows of one process, their coefficients [1/m] and variances [m^2], and the number that all
-    variances were multiplied by."""
+    variances were multiplied by. None where the mean is no number at a touch."""
     if len(points) < FEWEST:
-        return np.zeros((0, 3)), np.zeros(0), np.zeros(0), 1.0
+        return NO_ROWS
     at, away, noise, _ = known_rows(points, normals, sigma, process)
     value, clear = away - mean(at), radius - mean(free)
+    told, sound = is_valid(value), is_valid(clear)
+    if not told[:len(points)].all():
+        return None
+    if not told.all():  # rows keep their places in memory otherwise: products round by them
+        at, value, noise = at[told], value[told], noise[told]
+    if not sound.all():
+        free, clear = free[sound], clear[sound]
     alpha = _coefficients(process, at, value, noise)
     for _ in range(process.free_rounds if len(free) else 0):
         depth = clear - known_kernel(process, free, at) @ alpha
@@ -230,8 +251,8 @@ def _coefficients(process: KnownProcess, at: np.ndarray, value: np.ndarray, nois
     return cho_solve(cho_factor(known_kernel(process, at, at) + np.diag(noise), lower=True), value)
 
 
-def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownProcess,
-            table_z: float | None) -> ImplicitFit:
+def _record(found: list, points: np.ndarray, mask: np.ndarray, bad: np.ndarray,
+            process: KnownProcess, table_z: float | None) -> ImplicitFit:
     n, width = len(found), max([len(alpha) for _, alpha, _, _ in found], default=0)
     width = max(width, 1)
     at, alpha, noise = np.zeros((n, width, 3)), np.zeros((n, width)), np.full((n, width), -1.0)
@@ -248,12 +269,12 @@ def _record(found: list, points: np.ndarray, mask: np.ndarray, process: KnownPro
     high = np.where(mask[..., None], points, -np.inf).max(1, initial=-np.inf)
     any_ = count[:, None] > 0
     low, high = np.where(any_, low, 0.0), np.where(any_, high, 0.0)
-    fitted = count >= FEWEST
+    status = np.where(count >= FEWEST, FitStatus.converged, FitStatus.too_few_points)
     return ImplicitFit(
         points_m=at, alpha_per_m=alpha, noise_m2=noise, weight=mask.astype(float),
         length_m=np.full(n, process.length_m), amplitude_m=amplitude,
         noise_sigma_m=np.zeros(n), centre_m=(low + high) / 2, radius_m=np.full(n, 0.03),
         low_m=low, high_m=high, table_z_m=np.full(n, NO_TABLE_M if table_z is None else table_z),
         cost=np.zeros(n), rms_m=rms, iterations=np.zeros(n, int),
-        status=np.where(fitted, int(FitStatus.converged), int(FitStatus.too_few_points)),
+        status=np.where(bad, FitStatus.bad_points, status),
         n_points=count)

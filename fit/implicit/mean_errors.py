@@ -26,7 +26,8 @@ def errors_left(
     fits: ImplicitFit, errors: MeanErrors, at_m: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point error"]:
     """By how much each of as many independent standard normal errors, what touches leave of those
-    of the mean, changes distances at points [m]: all of them, where there are no touches."""
+    of the mean, changes distances at points [m]: all of them, where there are no touches. NaN for a
+    fit of which a number is none."""
     return np.stack([_left(fits, row, errors, at_m[row]) for row in range(len(fits))])
 
 
@@ -41,6 +42,8 @@ def _left(fits: ImplicitFit, row: int, errors: MeanErrors, at_m: np.ndarray) -> 
     factor = cho_factor(known_kernel(process, rows_m, rows_m) + np.diag(fits.noise_m2[row][used]),
                         lower=True)
     known = errors(rows_m[None], own)[0]
+    if not (np.isfinite(known).all() and np.isfinite(before).all()):
+        return np.full_like(before, np.nan)
     solved = cho_solve(factor, known)
     information = np.eye(known.shape[1]) + known.T @ solved
     beyond = before - known_kernel(process, at_m, rows_m) @ solved

@@ -47,8 +47,8 @@ def implicit_meshes(
 
     The grid holds the touches and, if given, the corners `box_m` of the mean's body, with a margin;
     a body that would reach beyond it is cut off there. Pieces that are nearest to no touch
-    are left out: there the mean alone speaks. Raises ValueError as
-    `zero_set_meshes` does.
+    are left out: there the mean alone speaks. A body whose distance is NaN somewhere has an
+    empty mesh. Raises ValueError as `zero_set_meshes` does.
     """
     def values(points: np.ndarray, rows: np.ndarray, counts: np.ndarray) -> np.ndarray:
         return implicit_values(rows_of(fits, rows), points, of_rows(mean, rows), counts=counts)
@@ -201,11 +201,11 @@ def _off_nodes(field: Float[np.ndarray, "x y z"]) -> Float[np.ndarray, "x y z"]:
 
 
 def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMesh:
-    """Marching cubes of one grid, on the CPU."""
+    """Marching cubes of one grid, on the CPU; empty where a distance is no number."""
     import warp as wp
     from warp.geometry import IsoSurfaceMarchingCubes
 
-    if not (field < 0.0).any():
+    if np.isnan(field).any() or not (field < 0.0).any():
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     # Unit cells, since Warp keeps vertices in single precision.
     vertices, faces = IsoSurfaceMarchingCubes.extract(

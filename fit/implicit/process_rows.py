@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
+from fit.arrays import is_valid
 from fit.fit_status import FitStatus
 from fit.implicit.process import ProcessData
 from fit.implicit.record import ImplicitOptions, Mean
@@ -88,12 +89,14 @@ class Rows:
 
 
 def touch_rows(sets: Sets, mean: Mean, options: ImplicitOptions, free: int) -> Rows:
-    """Touches as rows, and `free` empty ones. Raises ValueError for a mean that is not finite."""
+    """Touches as rows, and `free` empty ones. Sets whose mean is no number at a touch are not
+    `fitted`."""
     values = _mean(sets, mean, *(sets.points + s for s in (np.zeros(3), *(_STEP * np.eye(3)))))
-    slope = np.moveaxis((values[1:] - values[0]) / _STEP, 0, 2)
-    fitted = sets.status == FitStatus.converged
-    if not np.isfinite(values[0][sets.mask & fitted[:, None]]).all():
-        raise ValueError("mean: not finite at a touch")
+    told = (is_valid(values[0] * sets.scale[:, None]) | ~sets.mask).all(axis=1)
+    values[:, ~told] = 0.0
+    with np.errstate(invalid="ignore"):
+        slope = np.moveaxis((values[1:] - values[0]) / _STEP, 0, 2)
+    fitted = (sets.status == FitStatus.converged) & told
     variance = _variance_along(sets, slope)
     return Rows(
         points=sets.points, target=np.where(sets.mask, -values[0], 0.0),

@@ -5,7 +5,7 @@ from functools import lru_cache
 import jax
 import numpy as np
 
-from fit.arrays import row_medians
+from fit.arrays import is_valid, row_medians
 from fit.fit_status import FitStatus, is_fitted
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, Solution, advance, finish, screen
@@ -66,7 +66,7 @@ def _begin(sets: Sets, form: Form, options: SuperquadricOptions, start: Superqua
     if start is not None:
         theta = _parameters_of(start, sets, form)
         rotation = matrix_of_quaternion(start.quaternion_xyzw)
-        known = np.isfinite(theta).all(axis=1) & np.isfinite(rotation).all(axis=(1, 2))
+        known = is_valid(theta).all(axis=1) & is_valid(rotation).all(axis=(1, 2))
         fresh = ~(is_fitted(start.status) & known)
         lanes = lanes._replace(rotation=rotation)
     if fresh.any():

@@ -18,6 +18,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "solids": ["CONTACT", "FIT", "TRUE", "direction", "draw_solid", "lit", "set_box", "set_cube",
                "visible"],
     "style": ["COLOURS", "COLUMN_IN", "MUTED", "UNITS", "VERDICTS", "cut", "distinct_labels",
-              "drawing", "encode", "figure"],
+              "drawing", "encode", "figure", "order_of"],
     "taxels": ["draw_taxels", "pad_touches", "taxels_figure", "taxels_shown"],
 })

@@ -131,14 +131,11 @@ def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
     """A panel for each swept factor: the mean at each of its levels, a line for each strategy.
 
     The best eight strategies by their best level are in colour, with intervals; the others grey.
+    Where all factors are sampled a strategy is one entry, and has its place in the leaderboard and
+    the colour that it has elsewhere.
     """
     found = list(effects(plan, paired, metric, cut=False))
-    sign = sign_of(metric)
-    best: dict[str, float] = {}
-    for effect in found:
-        values = sign * effect.value[np.isfinite(effect.value)]
-        best[effect.strategy] = min(best.get(effect.strategy, np.inf), *values, np.inf)
-    names = sorted(best, key=lambda name: (best[name], name))
+    names = _ranked(plan, paired, metric, found)
     factors = [key for axis in plan.study.axes for key in axis.keys
                if any(effect.factor == key for effect in found)]
     legend = min(len(names), len(COLOURS) + 1)
@@ -162,6 +159,23 @@ def draw_levels(plan: Plan, paired: Paired, metric: str) -> "Figure":
         drawn.legend([lines[name] for name in ranked], ranked, loc="outside lower center", ncols=2,
                      handlelength=3.2)
     return drawn
+
+
+def _ranked(plan: Plan, paired: Paired, metric: str, found: Sequence[Effect]) -> list[str]:
+    """Strategies that have a line, the best first."""
+    best: dict[str, float] = {}
+    sign, whole = sign_of(metric), all(axis.sampled for axis in plan.study.axes)
+    of_entry = np.array([entry.strategy for entry in paired.entries])
+    means = [sign * paired.means[metric][0, of_entry == number].mean()
+             for number in range(len(plan.study.strategies))]
+    places = {strategy.name: mean
+              for strategy, mean in zip(plan.study.strategies, means, strict=True)}
+    for effect in found:
+        values = sign * effect.value[np.isfinite(effect.value)]
+        best[effect.strategy] = (places[effect.strategy] if whole else
+                                 min(best.get(effect.strategy, np.inf), *values, np.inf))
+    labels = list(best)
+    return [labels[n] for n in order_of(np.array(list(best.values())), labels)]
 
 
 def _draw_factor(axes: "Axes", shown: Sequence[Effect], names: Sequence[str]) -> None:

@@ -47,19 +47,28 @@ NOTES = 6
 
 def report(folders: Sequence[Path], out: Path, *, views: bool, device: str,
            workers: int = 1) -> int:
-    """Writes the report of a study and prints its path; StoreError where it cannot be written."""
+    """Writes the report of a study and prints its path; StoreError where it cannot be written.
+
+    The exit code comes back: 1 where a worker process died and episodes are missing from the page.
+    """
     check_result(out)
     plan, stores = open_sweep(folders)
-    content = make_report(plan, stores, views=views, device=device, workers=workers)
+    content, died = _made(plan, stores, views, device, workers)
     write_result(out, content)
     print(out)
-    return 0
+    return int(died)
 
 
 def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
                 device: str = "cpu", workers: int = 1) -> bytes:
     """The bytes of the page. Raises StoreError where no block of episodes of a sweep is finished.
     """
+    return _made(plan, stores, views, device, workers)[0]
+
+
+def _made(plan: Plan, stores: Sequence[Store], views: bool, device: str,
+          workers: int) -> tuple[bytes, bool]:
+    """The bytes of the page, and whether a worker process died over it."""
     board = make_leaderboard(plan, stores)
     paired = read_paired(plan, stores, [*columns_of(METRIC), "touches", "failure_rate"])
     if not paired.objects:
@@ -73,7 +82,7 @@ def make_report(plan: Plan, stores: Sequence[Store], *, views: bool = True,
     body = "".join(_parts(plan, stores, board, paired, curves, confusion, shown))
     name = plan.study.head.name or "study"
     return page(f"{name}: warpgrasp report", body,
-                {"bodies": shown.bodies, "episodes": shown.episodes}, SCRIPTS)
+                {"bodies": shown.bodies, "episodes": shown.episodes}, SCRIPTS), shown.died
 
 
 def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Paired,

@@ -94,6 +94,8 @@ class Views:
     bodies: dict[str, Any]
     episodes: list[dict[str, Any]]
     notes: list[str]
+    died: bool = False
+    """A worker process did, so that episodes are missing."""
 
 
 def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", workers: int = 1,
@@ -124,7 +126,7 @@ def make_views(plan: Plan, picked: Sequence[Picked], device: str = "cpu", worker
     if differ:
         notes.append(f"{differ} of the episodes shown have other results than in the sweep: "
                      f"{OTHERWISE}")
-    return Views(bodies, episodes, notes)
+    return Views(bodies, episodes, notes, bool(died))
 
 
 def _view(plan: Plan, pick: Picked, block: EpisodeBlock) -> dict[str, Any]:

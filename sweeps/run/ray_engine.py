@@ -57,6 +57,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
         work = UnitQueue(plan, store, options.shard, progress, options.verify,
                          options.unit_timeout_s, further)
         _go(ray, work, options)
+        work.count_files()
         return work.outcome
     finally:
         ray.shutdown()

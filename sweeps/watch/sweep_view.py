@@ -17,6 +17,7 @@ from sweeps.analysis.entries import (
     sign_of,
 )
 from sweeps.analysis.paired import failure_score
+from sweeps.figures.style import order_of
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.run.store import Store
 from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
@@ -203,7 +204,10 @@ class SweepView:
         means = {n: mean_over_objects([part.values for part in of.values()])
                  for n, of in enumerate(scores) if of}
         sign = sign_of(self.metric)
-        order = sorted(means, key=lambda n: (-len(scores[n]), sign * means[n].value, n))
+        errors = np.array([sign * means[n].value if n in means else np.inf
+                           for n in range(len(self.entries))])
+        ranked = order_of(errors, [entry.label for entry in self.entries])  # as figures colour them
+        order = sorted(filter(means.__contains__, ranked), key=lambda n: -len(scores[n]))
         return [self._row(n, order[0], scores, means[n], sign) for n in order]
 
     def _row(self, n: int, first: int, scores: list[dict[int, Scores]], mean: Mean,

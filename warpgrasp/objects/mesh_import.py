@@ -16,6 +16,7 @@ import numpy as np
 from warpgrasp.geometry.body import Body, BodyError
 from warpgrasp.objects.grid_baking import Distance, baked_body, cached_grid, lost, volumes_m3
 from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_faces
+from warpgrasp.objects.welding import edge_counts, welded_faces
 
 KINDS = ("stl", "obj", "ply", "off")
 """File kinds that are read. Archives and scenes (3MF, GLB, ZIP) could unfold to any size."""
@@ -30,8 +31,9 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     """A body from a watertight mesh file (STL, OBJ, PLY or OFF), standing on its lowest point.
 
     The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
-    or "mm". Raises BodyError with what is wrong (missing, empty, open, out of size, too
-    thin for the grid) and the mend.
+    or "mm". Vertices that differ by rounding are welded where that closes the surface (`welding`).
+    Raises BodyError with what is wrong (missing, empty, open, out of size, too thin for the grid)
+    and the mend.
     """
     if units not in tuple(UNITS_M):  # unhashable values included
         raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
@@ -133,7 +135,10 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
         raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
                         f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
-    _check_closed(path, np.asarray(mesh.edges))
+    if (edge_counts(np.asarray(mesh.faces)) == 1).any():
+        mesh.faces = welded_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces))
+        mesh.remove_unreferenced_vertices()
+    _check_closed(path, edge_counts(np.asarray(mesh.faces)))
     vertices = mesh.vertices * UNITS_M[units]
     low, high = vertices.min(0), vertices.max(0)
     vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
@@ -160,9 +165,8 @@ def _check_folds(path: Path, vertices_m: np.ndarray, faces: np.ndarray) -> None:
                         "into a Pure-Triangular mesh'); blunt edges as sharp as a blade's")
 
 
-def _check_closed(path: Path, edges: np.ndarray) -> None:
-    """Refuse a surface of which an edge, a row of two vertices, borders not just two faces."""
-    _, counts = np.unique(np.sort(edges, axis=1), axis=0, return_counts=True)
+def _check_closed(path: Path, counts: np.ndarray) -> None:
+    """Refuse a surface of which an edge borders not just two faces; `counts` has how many each."""
     if (counts == 1).any():
         raise BodyError(
             f"{path}: the surface is open: {int((counts == 1).sum())} edges border one face; close "

@@ -93,7 +93,7 @@ def test_a_worker_that_died_is_told_all_the_same(
 
     monkeypatch.setattr(views, "rerun_all", dies)
     out = tmp_path / "out.html"
-    assert cli.run(["report", str(study), "-o", str(out), "--quiet"]) == 0
+    assert cli.run(["report", str(study), "-o", str(out), "--quiet"]) == 1
     (said,) = capsys.readouterr().err.splitlines()
     assert "episodes are missing from the 3-D views: a worker" in said
     assert escape(said) in out.read_text()

@@ -62,3 +62,23 @@ def test_ties_by_rounding_have_the_order_of_their_names() -> None:
     many = looks_of(np.arange(64.0), [f"s{n}" for n in range(64)])
     assert len({(look.colour, look.marker) for look in many}) == 64
     assert len({(look.colour, look.dash) for look in many}) == 64
+
+
+def good_at_one_level(unit: Unit) -> Columns:
+    """The strategy that is best in the mean is not the one of the best level."""
+    swept = next(iter(unit.cell.setting.values()))
+    steady = unit.cell.strategy.name == "sx"
+    chamfer = 5.0 if steady else 2.0 if float(swept) > 45.0 else 9.0  # type: ignore[arg-type]
+    return {"chamfer_mm": np.full(8, chamfer), "iou": np.full(8, 0.5),
+            "robot_time_s": np.full(8, 50.0)}
+
+
+def test_levels_of_samples_have_the_colours_of_entries(tmp_path: Path) -> None:
+    plan, store = written(tmp_path, 2, good_at_one_level, """
+[sweep.sobol]
+n = 8
+"object.yaw_deg" = { low = 0, high = 60 }
+""")
+    of_curves = colours(KINDS["curves-touches"](Asked(plan, [store])))
+    assert of_curves == {"sx": COLOURS[0], "s": COLOURS[1]}
+    assert colours(KINDS["levels"](Asked(plan, [store]))) == of_curves

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from curved_episodes import wide_study, wide_text
-from fake_episodes import run_episodes
+from fake_episodes import cell_by_cell, run_episodes
 from scipy.stats import t
 from studies import fill, plan_of, write_spec
 
@@ -349,3 +349,18 @@ def test_a_race_before_its_first_rung_is_a_race(tmp_path: Path) -> None:
 def test_a_folder_without_a_study_is_refused(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="holds no study"):
         View(tmp_path, "chamfer_mm")
+
+
+def test_equal_entries_have_the_order_of_the_leaderboard(tmp_path: Path) -> None:
+    plan = plan_of(tmp_path / "spec", SPEC)
+
+    def alike(cell: object, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        return {"episode": episodes, "status": np.full(len(episodes), "ok", object),
+                "chamfer_mm": 4.0 + 0.01 * (episodes % 7), "iou": np.full(len(episodes), 0.5),
+                "touches": np.full(len(episodes), 8), "robot_time_s": np.full(len(episodes), 50.0)}
+
+    store = fill(tmp_path / "out", plan, cell_by_cell(alike))
+    board = make_leaderboard(plan, [store])
+    shown = [row.label for row in View(tmp_path / "out", "chamfer_mm").state().rows]
+    assert shown == ["ant", "bee", "elephant", "horse"]
+    assert shown == [row[board.header.index("strategy")] for row in board.rows][:4]
