@@ -34,7 +34,8 @@ def browser(loopback: bool = False) -> Iterator[Any]:
     talk to servers of this machine if `loopback`. The browser behind it is started once."""
     driver = _started(loopback)
     first = driver.current_window_handle
-    driver.switch_to.new_window("tab")
+    empty = driver.execute_cdp_cmd("Target.createTarget", {"url": "about:blank"})
+    driver.switch_to.window(empty["targetId"])
     driver.get("about:blank")
     said(driver)
     asked_for(driver)  # what the browser did by itself, before any page of ours
@@ -59,6 +60,7 @@ def _started(loopback: bool) -> Any:
     options.set_capability("goog:loggingPrefs", {"browser": "ALL", "performance": "ALL"})
     driver = webdriver.Chrome(options=options, service=Service(str(DRIVER)))
     driver.set_page_load_timeout(60)
+    driver.get("about:blank")  # in place of the browser's own first page
     atexit.register(profile.cleanup)
     atexit.register(driver.quit)  # before the profile goes
     return driver

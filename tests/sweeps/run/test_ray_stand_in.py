@@ -68,7 +68,7 @@ class LosesUnits(Progress):
     def done(self, episodes: int) -> None:
         super().done(episodes)
         if self.done_units == self.after:
-            for file in (self.folder / "units").iterdir():
+            for file in (self.folder / "units").glob("[0-9a-f]*.parquet"):  # none half written
                 file.unlink()
 
 
