@@ -101,7 +101,7 @@ class Occupancy:
         """Poses (world, pose, 7) at which the open hand, balls at `open_m` (ball, 3), was `barred`
         (world, pose)."""
         self._launch(barred_kernel, {"world": len(self.hit)}, ("hit", "cap"), open_ball=open_m,
-                     hand_pose=hand_pose, barred=barred)
+                     hand_pose=hand_pose, barred=barred, share=_share(open_m))
 
     def foresee(self, open_m: np.ndarray, swept: SweptFingers, hand_pose: np.ndarray,
                 wanted: np.ndarray, worth: np.ndarray, lowest_m: float,
@@ -121,7 +121,7 @@ class Occupancy:
         looks = Looks()
         looks.floor, looks.table = self.radius_m, self.radius_m - ON_TABLE_M
         looks.lowest, looks.sure = lowest_m, SURE
-        looks.share = min(PLACES_APART / len(open_m), 1.0)
+        looks.share = _share(open_m)
         self._launch(foresee_kernel, {"world": worlds, "group": -(-poses // LANES)},
                      ("barred", "gain", "place"), looks=looks, closely=closely,
                      open_ball=open_m, swept_ball=swept.balls_m, feels=swept.feels, met=swept.met,
@@ -136,6 +136,11 @@ class Occupancy:
                 "hit": self.hit, "cap": self.cap}
         launch_on_cpu(kernel, extents, _SHAPES, writes, **{
             name: value for name, value in grid.items() if name in names}, **given)
+
+
+def _share(open_m: np.ndarray) -> float:
+    """How much of a place that bars the open hand by itself each of its balls is."""
+    return min(PLACES_APART / len(open_m), 1.0)
 
 
 def begin_occupancy(prior: BoundingCylinder, radius_m: float) -> Occupancy:

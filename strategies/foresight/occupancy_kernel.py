@@ -161,27 +161,39 @@ def barred_kernel(
     open_ball: wp.array[vec3],
     hand_pose: wp.array2d[transform],
     barred: wp.array2d[wp.bool],
+    share: real,
     hit: wp.array2d[wp.float32],
     cap: wp.array2d[wp.float32],
 ):
-    """Where the open hand struck something: its likeliest cells are occupied, others in proportion.
+    """Where the open hand struck something: its likeliest cells are occupied, and the others are
+    likelier, as Bayes' rule has it: the more, the less it was foreseen. `share` is that of `Looks`.
     """
     w = wp.tid() + first
     c, size = corner[w], cell[w]
     for p in range(hand_pose.shape[1]):
         if barred[w, p]:
             most = _LEAST
+            free = ONE
             for b in range(open_ball.shape[0]):
                 at = _cell(wp.transform_point(hand_pose[w, p], open_ball[b]), c, size, n)
                 if at >= 0:
-                    most = greater(most, _believed(w, at, hit, cap))
+                    now = _believed(w, at, hit, cap)
+                    most = greater(most, now)
+                    free = free * (ONE - now)
+            foreseen = greater(ONE - wp.pow(free, share), most)
             factor = _BARRED / most
             if factor > ONE:
+                # A cell is met by many balls, and raised once: until all are, it is negative.
                 for b in range(open_ball.shape[0]):
                     at = _cell(wp.transform_point(hand_pose[w, p], open_ball[b]), c, size, n)
-                    if at >= 0:
+                    if at >= 0 and hit[w, at] >= 0.0:
                         now = _believed(w, at, hit, cap)
-                        # A cell is met by many balls: it is raised once.
-                        if now < most + real(1e-6) and now > HALF * most:
-                            hit[w, at] = wp.float32(lesser(now * factor, _BARRED))
-                            cap[w, at] = wp.max(cap[w, at], hit[w, at])
+                        risen = lesser(now / foreseen, HALF * most)
+                        if now > HALF * most:
+                            risen = lesser(now * factor, _BARRED)
+                        hit[w, at] = -wp.float32(risen)
+                for b in range(open_ball.shape[0]):
+                    at = _cell(wp.transform_point(hand_pose[w, p], open_ball[b]), c, size, n)
+                    if at >= 0 and hit[w, at] < 0.0:
+                        hit[w, at] = -hit[w, at]
+                        cap[w, at] = wp.max(cap[w, at], hit[w, at])

@@ -89,7 +89,30 @@ def test_a_pose_that_was_barred_is_foreseen_to_be_barred() -> None:
     assert 0.05 < first[0] < 0.9
     assert first[1] == 0.0
     grid.learn_barred(samples.open_m, pose, np.array([[True, False]]))
-    assert 0.75 <= barred()[0] < 0.85  # as believed there, and a little by what else is met
+    assert 0.75 <= barred()[0] < 1.0  # as believed of the likeliest cells, and by what else is met
+
+
+def test_cells_that_may_have_barred_the_hand_are_raised_by_bayes_rule_and_once() -> None:
+    """All cells are as likely, but for one that is nearly sure not to be."""
+    grid = begin_occupancy(prior(), RADIUS_M)
+    unlikely, likely = 0.001, 0.05
+    grid.hit[:] = likely
+    across = np.array([4.0 * grid.cell_m[0], 0.0, 0.0])
+    open_m = np.array([np.zeros(3), [0.0, 0.0, 0.0005], across])
+    places = centres(grid).reshape(-1, 3)
+    first = np.linalg.norm(places - [0.45, 0.0, 0.05], axis=1).argmin()
+    cells = [np.linalg.norm(places - places[first] - off, axis=1).argmin() for off in (0.0, across)]
+    pose = np.array([[[*places[first], 0.0, 0.0, 0.0, 1.0]]])
+    grid.hit[0, cells[1]] = unlikely
+    before = grid.hit.copy()
+    grid.learn_barred(open_m, pose, np.ones((1, 1), bool))
+    foreseen = 1.0 - (1.0 - likely) ** 2 * (1.0 - unlikely)  # fewer balls than places: all count
+    raised = grid.hit[0, cells]
+    assert raised[0] == pytest.approx(0.75, abs=1e-6)
+    assert raised[1] == pytest.approx(unlikely / foreseen, rel=1e-5)
+    others = np.ones(grid.hit.shape[1], bool)
+    others[cells] = False
+    np.testing.assert_array_equal(grid.hit[0, others], before[0, others])
 
 
 def test_what_bars_the_hand_where_nothing_was_believed_is_believed_after() -> None:
