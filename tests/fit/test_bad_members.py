@@ -1,4 +1,4 @@
-"""A number that is none, in whatever is given of one set, spares the other sets to the bit."""
+"""A number that is none, in whatever is given of one set, changes no byte of the other sets."""
 
 from collections.abc import Callable
 from dataclasses import replace

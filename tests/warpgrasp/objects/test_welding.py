@@ -36,7 +36,7 @@ def shaken(share: float) -> np.ndarray:
 
 
 def turned_alone() -> np.ndarray:
-    """Corners that single precision rotated face by face, with a rounding that hangs on the face:
+    """Corners that single precision rotated face by face, with a rounding that depends on the face:
     one corner comes out in several ways."""
     turn = TURN.as_matrix().astype(np.float32)
     middle = block().triangles_center.astype(np.float32)[:, None]
