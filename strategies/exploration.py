@@ -78,9 +78,9 @@ from warpgrasp.robot import Grasps, Robot
 _ROUNDED = 1e-9
 """By which the length of a quaternion may be off 1."""
 _SAFE_POSE = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
-_BY_WORLD = ("prior", "seed", "felt", "links", "news", "active", "faulty", "steps", "stopped",
-             "fault", "faces", "profile", "whole", "touches", "time", "path", "fitted", "shape",
-             "believed", "agrees")
+_BY_WORLD = ("prior", "seed", "felt", "links", "news", "active", "faulty", "ended", "steps",
+             "stopped", "fault", "faces", "profile", "whole", "touches", "time", "path", "fitted",
+             "shape", "believed", "agrees")
 
 
 def explore(
@@ -140,7 +140,7 @@ class RunningExploration:
         self.procedures: list[Procedure] = []
         self.closings_made = self.step = 0
         self.active = np.ones(worlds, bool)
-        self.faulty = np.zeros(worlds, bool)
+        self.faulty, self.ended = np.zeros(worlds, bool), np.zeros(worlds, bool)
         self.steps, self.stopped = np.zeros(worlds, int), np.zeros(worlds, bool)
         self.fault = np.full(worlds, "", object)
         self.faces: tuple[Face, ...] = ()
@@ -165,6 +165,7 @@ class RunningExploration:
             self._blame(np.ones(self.robot.worlds, bool), str(error))
             return False
         except Exception as error:  # whatever a user's strategy may raise
+            self.ended |= self.active
             self._blame(np.ones(self.robot.worlds, bool), fault_text(planner, error))
             return False
         stopped = np.zeros(self.robot.worlds, bool)
@@ -211,7 +212,7 @@ class RunningExploration:
     def result(self) -> Exploration:
         """The episodes as far as they have come."""
         return Exploration(tuple(self.procedures), self.belief, self.recovered, self.status(),
-                           self.fault, self.stopped, self.felt)
+                           self.fault, self.stopped, self.felt, self.ended)
 
     def imagine(self, probe: Grasp, rows: np.ndarray) -> Recovered:
         """What would be recovered in the worlds `rows` (row,), which may name a world more than

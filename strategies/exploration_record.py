@@ -54,6 +54,9 @@ class Exploration:
     """Worlds in which it wanted more than `Budget.steps` steps, bool (world,)."""
     felt: Evidence
     """All that was felt, contacts where they were felt: not placed on any body."""
+    ended: np.ndarray
+    """Worlds that an error of the strategy ended, which may have been about another one of them,
+    bool (world,)."""
 
     rebuilt: "Reconstruction | None" = None
     """Bodies that stand in place of `recovered` in some worlds, where they were asked for."""

@@ -116,8 +116,8 @@ def rerun_all(plan: Plan, episodes: Sequence[Episode], device: str = "cpu",
             raise WorkerDied
 
 
-OTHERWISE = ("a planner's exception ends all episodes of its block; or this is another machine or "
-             "version")
+OTHERWISE = ("exceptions of a planner about many episodes of a unit end others with them; or this "
+             "is another machine or version")
 """Why an episode may end otherwise when it is run again."""
 
 

@@ -59,7 +59,7 @@ from sweeps.episode.recognition_columns import columns_of_recognition, recognize
 from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
 from sweeps.episode.untouched import mostly_itself, why_untouched, without_axis
-from sweeps.spec.cell import CONTACTS, Cell
+from sweeps.spec.cell import CONTACTS, ENDED, Cell
 from warpgrasp.core.random import (
     Purpose,
     counter_key,
@@ -197,6 +197,8 @@ def _rows_of(
     }
     if cell.keep == "contacts":
         columns[CONTACTS] = contact_tables(block.exploration, block.truth)
+    if block.exploration.ended.any():
+        columns[ENDED] = block.exploration.ended
     replaced = None if block.rebuilt is None else block.rebuilt.made
     return columns | model_columns(belief, recovered, replaced) | curves(block.moments, worlds)
 

@@ -29,12 +29,14 @@ import numpy as np
 from sweeps.run.changed_files import ChangedFilesError, check_files
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, write_files
-from sweeps.spec.cell import Cell, own_code
+from sweeps.spec.cell import ENDED, Cell, own_code
 
 RunCells = Callable[[Sequence[tuple[Cell, np.ndarray]], str], list[Columns]]
 """Rows of each of some cells, of the episodes named with it; on a device."""
 SAY_WHERE = signal.SIGUSR1  # a worker answers with where each of its threads is, in its log
 EPISODES = "sweeps.episode.episodes:run_cells"
+MOST_BLAMED = 8
+"""Episodes of a unit at most that are found to be what an error of a strategy was about."""
 NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives its rows
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
 # What fits are compiled with is `fit.optimize.xla_flags`' and the same in all processes.
@@ -111,20 +113,49 @@ def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[C
     """The rows of each of some units, from one call; their cells have one `batch_key`.
 
     They are the rows of a call for each, bit for bit. What names them comes from the units. Where
-    a strategy failed its message names the world of its batch, so the units are then run alone.
-    Raises ChangedFilesError where files that the cells name are not what they were when the units
-    were planned.
+    a strategy failed the units are run alone, since its message may tell how many episodes ran
+    together. Raises ChangedFilesError where files that the cells name are not what they were when
+    the units were planned.
     """
     check_files(units)
     parts = [list(same) for _, same in groupby(units, key=lambda unit: unit.cell_hash)]
     asked = [(same[0].cell, np.concatenate(
         [np.arange(u.start, u.stop, dtype=np.int64) for u in same])) for same in parts]
     found = run_cells(asked, device)
-    check_files(units)
     if len(units) > 1 and any("strategy_failed" in rows.get("status", ()) for rows in found):
         return [run_units(run_cells, [unit], device)[0] for unit in units]
+    found = [_told_apart(run_cells, *part, rows, device)
+             for part, rows in zip(asked, found, strict=True)]
+    check_files(units)
     return [rows for same, (cell, episodes), columns in zip(parts, asked, found, strict=True)
             for rows in _rows_of_units(same, cell, episodes, columns)]
+
+
+def _told_apart(run_cells: RunCells, cell: Cell, episodes: np.ndarray, rows: Columns, device: str
+                ) -> Columns:
+    """The rows of a cell, where one error of the strategy ended several episodes: which of them it
+    was about.
+
+    They are run again in halves, and those of a half that an error ends in halves of it, until an
+    error ends one episode alone. Once there are `MOST_BLAMED` of these, the others stay ended
+    together, so that a strategy that always fails costs little.
+    """
+    together = [np.flatnonzero(rows.pop(ENDED, np.zeros(len(episodes), bool)))]
+    blamed = 0
+    while together and blamed < MOST_BLAMED:
+        last = together.pop()
+        if len(last) < 2:
+            blamed += len(last)
+            continue
+        middle = len(last) // 2
+        for half in (last[middle:], last[:middle]):
+            again = run_cells([(cell, episodes[half])], device)[0]
+            together.append(half[again.pop(ENDED, np.zeros(len(half), bool))])
+            source = np.arange(len(episodes))
+            source[half] = len(episodes) + np.arange(len(half))
+            rows = {name: np.concatenate([values, again[name]])[source]
+                    for name, values in rows.items()}
+    return rows
 
 
 def _rows_of_units(

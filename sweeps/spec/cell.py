@@ -38,6 +38,9 @@ APART = ("hand", "sensors", "errors")
 CONTACTS = "contact_rows"
 """The column of rows that holds each episode's contacts, a table of columns, where a cell keeps
 them."""
+ENDED = "ended"
+"""A column of rows that are not written yet, where any is true: episodes that one error of a
+strategy ended together."""
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ import os
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,12 +16,16 @@ from studies import contents, plan_of, run_in
 from strategies.planners.guarded_call import EndedProcess, guarded_call
 from strategies.planners.planner_file import planner_file
 from strategies.planners.register import fault_text
+from sweeps.episode.episodes import run_cells
 from sweeps.run import local_engine as runner
 from sweeps.run.local_engine import Options
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
+from sweeps.run.unit_file import Columns
+from sweeps.run.worker import run_units
+from sweeps.spec.cell import ENDED, Cell
 
 HONEST = """\
 schema = 1
@@ -229,3 +234,72 @@ def test_the_line_of_an_end_is_told() -> None:
     with pytest.raises(EndedProcess) as caught, guarded_call():
         choose(None)
     assert fault_text(choose, caught.value).endswith("choose: os._exit(3)")
+
+
+@pytest.mark.parametrize("bad", [set(), {5}, {0, 1}, {3, 40, 63}, set(range(0, 16, 2))])
+def test_an_error_ends_the_episodes_that_it_is_about(tmp_path: Path, bad: set[int]) -> None:
+    """It used to end all episodes of the unit that went on."""
+    unit = next(plan_of(tmp_path, HONEST).units())
+    rows, ran = told_apart(unit, bad)
+    assert rows["note"].tolist() == [f"1 together, at {n}" if n in bad else "" for n in range(64)]
+    assert rows["status"].tolist() == [
+        "strategy_failed" if n in bad else "a longer word" for n in range(64)]
+    assert rows["episode"].tolist() == list(range(64))
+    assert ENDED not in rows
+    assert ran <= 64 + 2 * 6 * 64
+
+
+def test_a_planner_that_always_fails_costs_little(tmp_path: Path) -> None:
+    rows, ran = told_apart(next(plan_of(tmp_path, HONEST).units()), set(range(64)))
+    assert (rows["status"] == "strategy_failed").all()
+    assert ran <= 4 * 64
+    # Those that were not told apart say of how many together the error was.
+    assert rows["note"].tolist()[7:9] == ["1 together, at 7", "8 together, at 8"]
+
+
+def told_apart(unit: Unit, bad: set[int]) -> tuple[Columns, int]:
+    """The rows of a unit whose planner fails where a bad episode is among those it is asked of, and
+    how many episodes were run."""
+    ran = 0
+
+    def run_cells(parts: Sequence[tuple[Cell, np.ndarray]], device: str) -> list[Columns]:
+        nonlocal ran
+        (_, episodes), = parts
+        ran += len(episodes)
+        found = sorted(bad & set(episodes.tolist()))
+        ended = np.full(len(episodes), bool(found))
+        note = f"{len(episodes)} together, at {found[0]}" if found else ""
+        status = "strategy_failed" if found else "a longer word"
+        rows = {"status": np.full(len(episodes), status),
+                "note": np.full(len(episodes), note, object)}
+        return [rows | ({ENDED: ended} if found else {})]
+
+    rows, = run_units(run_cells, [unit], "cpu")
+    return rows, ran
+
+
+def test_the_others_rows_are_those_of_their_episodes_alone(tmp_path: Path) -> None:
+    file = tmp_path / "p.py"
+    file.write_text(
+        "from strategies.planners.probes import Grasp\n"
+        "from strategies.poses.hand_poses import waypoint_poses\n"
+        "from strategies.poses.waypoints import Ring\n\n\n"
+        "def choose(belief):\n"
+        "    if belief.step == 2:\n"
+        "        return []\n"
+        "    if belief.step == 1 and (belief.prior.x_m[belief.active] > 0.45).any():\n"
+        "        raise ValueError('too far away')\n"
+        "    poses = waypoint_poses((Ring(count=6),), belief.prior, belief.hand, belief.seed)\n"
+        "    return [Grasp(poses[:, 3 * belief.step:3 * belief.step + 3])]\n")
+    text = HONEST.replace("per_cell = 64", "per_cell = 6") + (
+        f'[[strategy]]\nname = "mine"\nstrategy = "{file}:choose"\n')
+    unit = next(u for u in plan_of(tmp_path, text).units() if u.cell.strategy.name == "mine")
+    rows, = run_units(run_cells, [unit], "cpu")
+    failed = rows["status"] == "strategy_failed"
+    assert 0 < failed.sum() < 6
+    for n in range(6):
+        alone, = run_cells([(unit.cell, np.arange(n, n + 1))], "cpu")
+        alone.pop(ENDED, None)
+        for name, values in alone.items():
+            assert np.array_equal(np.asarray(values[0]), np.asarray(rows[name][n]),
+                                  equal_nan=values.dtype.kind == "f"), name
