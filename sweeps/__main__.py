@@ -1,8 +1,14 @@
 """`warpgrasp` and `python -m sweeps`, apart from the commands, since workers import it again."""
 
+import sys
+
 
 def main() -> None:
     """The command line's entry point."""
+    if sys.platform == "win32":
+        print("warpgrasp: runs on Linux and macOS; on Windows use the Windows Subsystem for Linux "
+              "(WSL)", file=sys.stderr)
+        sys.exit(2)
     from sweeps.cli.main import main as run
 
     run()

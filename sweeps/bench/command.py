@@ -20,6 +20,7 @@ from sweeps.result_file import make_folder
 from sweeps.run.environment import describe_environment
 from sweeps.run.worker import ENVIRONMENT
 from sweeps.spec.errors import StoreError, choose
+from warpgrasp.core.cores import core_count
 
 BATCHES = (64, 256, 1024, 4096, 16384)
 AT_ONCE = 512
@@ -75,7 +76,7 @@ def rows(*, quick: bool, peers: bool) -> Iterator[Row]:
 def device_rows(*, quick: bool) -> Iterator[Row]:
     """What is measured on a device, and beside it on as many cores of its machine: kernels, and
     scores and episodes, whose processes share the device."""
-    cores = os.cpu_count() or 1
+    cores = core_count()
     for batch in (4096,) if quick else (4096, 65536, 262144):
         yield ("closings", "block", batch, cores)
     yield ("touches", "block", 1024 if quick else 16384, cores)
@@ -108,7 +109,7 @@ def bench(out: Path, *, quick: bool, peers: bool, only: Collection[str] = (),
                 + ("" if name in known else f"; {choose(name, names)}"))
     make_folder(out)
     head = {**describe_environment(device), "when": datetime.now(UTC).isoformat(timespec="seconds"),
-            "cores": os.cpu_count(), "load": [round(v, 1) for v in os.getloadavg()]}
+            "cores": core_count(), "load": [round(v, 1) for v in os.getloadavg()]}
     lines = [{"row": "environment", **head}]
     _say(lines[0])
     for line in (_measured(quick, peers, only) if device == "cpu" else

@@ -7,6 +7,7 @@ machine that is busy with other things the second is the more reliable.
 
 import resource
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -48,7 +49,8 @@ def measure(work: Workload, *, quick: bool = False) -> dict[str, Any]:
         count = work.call()
         clock.append(time.perf_counter() - begin)
         cpu.append(time.process_time() - cpu_begin)
-    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+    kept = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    peak = kept / (2**20 if sys.platform == "darwin" else 2**10)
     return {"unit": work.unit, "count": count, "first_s": round(first, 3),
             "per_s": count / statistics.median(clock),
             "per_cpu_s": count / max(statistics.median(cpu), 1e-9), "peak_MiB": round(peak),

@@ -26,6 +26,7 @@ from sweeps.cli import (
     study,
 )
 from sweeps.cli.app import BAD_USAGE, INTERRUPTED, OTHER_SPEC, SOME_FAILED, UsageError, app
+from warpgrasp.core.cores import thread_count
 
 # Imported for the commands that they add to the app.
 GROUPS = (study, look, explore, fit, learn, lists, export, hands, arms, measure, machine)
@@ -44,6 +45,10 @@ def main(arguments: list[str] | None = None) -> None:
     # busy machine their waiting for one another takes a hundred times as long as the work.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    try:
+        thread_count()
+    except ValueError as error:
+        sys.exit(_refuse(f"warpgrasp: {error}"))
     code = run(sys.argv[1:] if arguments is None else arguments)
     gc.freeze()  # a collection at exit would take 0.7 s
     sys.exit(code)

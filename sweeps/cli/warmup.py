@@ -1,13 +1,13 @@
 """`warpgrasp warmup`: compile every kernel and the fits' programs once, into the caches."""
 
 import importlib
-import os
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from warpgrasp.core.cores import core_count
 from warpgrasp.parameters import ArmTable, FitTable, HandTable
 
 if TYPE_CHECKING:
@@ -155,7 +155,7 @@ def _load(names: Sequence[str], device: str) -> None:
 
     modules = [wp.get_module(importlib.import_module(name).__name__) for name in names]
     target = wp.get_device(device)
-    wp.force_load(target, modules, 1 if target.is_cpu else GPU_BLOCK, max_workers=os.cpu_count())
+    wp.force_load(target, modules, 1 if target.is_cpu else GPU_BLOCK, max_workers=core_count())
 
 
 def compile_fits(device: str) -> float:
@@ -168,7 +168,7 @@ def compile_fits(device: str) -> float:
     from multiprocessing import get_context
 
     begin = time.perf_counter()
-    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as pool:
+    with ProcessPoolExecutor(core_count(), get_context("spawn")) as pool:
         jobs = [pool.submit(_turn), *(pool.submit(_run, *episodes, device) for episodes in FITS)]
         for done in jobs:
             done.result()

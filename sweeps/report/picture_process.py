@@ -18,6 +18,8 @@ from contextlib import suppress
 from types import TracebackType
 from typing import Any, BinaryIO, Self
 
+from warpgrasp.core.cores import core_count
+
 Job = tuple[Callable[[Any], bytes], Any]
 """A function that draws, and what it shows; both can be pickled."""
 Drawn = bytes | Exception
@@ -34,7 +36,7 @@ class PictureProcess:
     def __init__(self) -> None:
         self._jobs: Sequence[Job] = ()
         self._process: subprocess.Popen[bytes] | None = None
-        if (os.cpu_count() or 1) < 2:
+        if core_count() < 2:
             return
         # Modules are found where they are here, and the folder the user is in is none of them.
         there = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),

@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "array_checks": ["check_array", "check_range"],
     "cache_file": ["cache_root", "drop_cached", "read_cached", "write_cached"],
+    "cores": ["core_count", "thread_count"],
     "dtypes": ["HALF", "ONE", "PI", "TINY", "TWO", "TWO_PI", "ZERO", "float32",
         "float32_vec3", "greater",
         "lesser", "mat32", "mat33", "mat34", "mat42", "mat44", "mat66",

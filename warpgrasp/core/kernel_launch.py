@@ -8,7 +8,6 @@ outside its own row, and rows are numbered from `first`, which every kernel take
 argument because `wp.tid()` restarts at zero in each slice.
 """
 
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.cores import thread_count
 from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
 
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
@@ -28,7 +28,7 @@ GPU_BLOCK = 64
 """Threads of a block on a GPU. Rows differ in cost, and a block holds its place until its last row
 is done."""
 _pool: ThreadPoolExecutor | None = None
-_thread_count = max(1, int(os.environ.get("WARPGRASP_THREADS", os.cpu_count() or 1)))
+_thread_count = thread_count()
 _launched: set[str] = set()
 """Modules whose compiled kernels have been checked and loaded in this process."""
 

@@ -13,6 +13,7 @@ from sweeps.output import devices, quiet_stdout
 from sweeps.run.environment import PACKAGES, describe_environment
 from sweeps.text_table import print_table
 from warpgrasp.core.cache_file import cache_root
+from warpgrasp.core.cores import core_count
 
 OPTIONAL = ("ray", "viser", "yourdfpy", "gymnasium", "optuna", "mujoco", "pandas")
 Row = tuple[str, str, str]  # what, value, "ok" or what to do
@@ -33,7 +34,7 @@ def _versions() -> Iterator[Row]:
     found = describe_environment("cpu")
     yield "python", str(found["python"]), "ok" if sys.version_info >= (3, 11) else "needs 3.11"
     yield "system", str(found["system"]), ""
-    yield "processor", f"{found['processor']}, {os.cpu_count()} cores", ""
+    yield "processor", f"{found['processor']}, {core_count()} of {os.cpu_count()} cores", ""
     for name in PACKAGES:
         value = found[f"version.{name}"]
         yield name, str(value), "ok" if value else f"missing: pip install {name}"

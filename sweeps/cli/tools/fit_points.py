@@ -1,7 +1,6 @@
 """What `warpgrasp fit` does: a CSV of sets of touches in, a CSV of recovered shapes out, a row a
 set."""
 
-import os
 from collections import Counter
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -28,6 +27,7 @@ from fit.superquadric.record import SuperquadricFit
 from sweeps.output import note
 from sweeps.result_file import why_unwritable, write_result
 from sweeps.spec.errors import StoreError
+from warpgrasp.core.cores import core_count
 from warpgrasp.core.plain_text import counted
 
 SETS_A_PROCESS = 1024
@@ -164,7 +164,7 @@ def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> Any:
 
     A fit depends only on its own points, so that the rows are the same however they are shared out.
     """
-    count, cores = len(sets.names), os.cpu_count() or 1
+    count, cores = len(sets.names), core_count()
     alone = shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS
     groups = _groups(sets, count if alone else SETS_A_PROCESS)
     parts, one = map(sets.padded, groups), partial(fit_padded, shape, **options)

@@ -14,6 +14,7 @@ from studies import SMALL, write_spec
 import fit
 import strategies
 import warpgrasp
+from sweeps import __main__ as entry_point
 from sweeps.analysis import tables
 from sweeps.analysis.arrow import read_rows
 from sweeps.cli import commands, look
@@ -218,3 +219,23 @@ def test_files_that_vanish_meanwhile_do_not_end_doctor(
     assert cli.run(["doctor", "--no-test", "--json"]) == 0
     rows = {row["what"]: row for row in json.loads(capsys.readouterr().out)}
     assert rows["compiled kernels"]["value"] == f"{tmp_path} (3 MB)"
+
+
+def test_a_wrong_number_of_threads_is_one_message(
+        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    """It was a traceback, of the first kernel."""
+    monkeypatch.setenv("WARPGRASP_THREADS", "all")
+    with pytest.raises(SystemExit) as ended:
+        cli.main(["objects"])
+    assert ended.value.code == 2
+    assert capsys.readouterr().err == (
+        "warpgrasp: WARPGRASP_THREADS: is 'all'; should be a whole number from 1\n")
+
+
+def test_a_system_that_it_does_not_run_on_is_told_so(
+        monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setattr(sys, "platform", "win32")
+    with pytest.raises(SystemExit) as ended:
+        entry_point.main()
+    assert ended.value.code == 2
+    assert "Windows Subsystem for Linux" in capsys.readouterr().err

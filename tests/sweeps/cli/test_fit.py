@@ -274,7 +274,7 @@ def test_fits_shared_out_over_processes_are_the_same_bytes(
     alone, shared = tmp_path / "alone.csv", tmp_path / "shared.csv"
     assert cli.run(["fit", "superquadric", str(points), "-o", str(alone)]) == 0
     monkeypatch.setattr(fit_command, "SETS_A_PROCESS", 2)
-    monkeypatch.setattr(fit_command.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(fit_command, "core_count", lambda: 2)
     started: list[int] = []
     pool = fit_command.ProcessPoolExecutor
 

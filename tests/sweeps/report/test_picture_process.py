@@ -12,6 +12,7 @@ from places import PYTHONPATH
 from sweeps.figures.contacts import ContactsShown, draw_contacts
 from sweeps.report import picture_process
 from sweeps.report.picture_process import Drawn, PictureProcess, attempt
+from warpgrasp.core.cores import core_count
 
 
 def a_box() -> ContactsShown:
@@ -32,7 +33,7 @@ def fail(what: str) -> bytes:
 
 def drawn_by_a_process(jobs: list[Any]) -> list[Drawn]:
     with PictureProcess() as pictures:
-        assert pictures._process is not None or (os.cpu_count() or 1) < 2
+        assert pictures._process is not None or core_count() < 2
         pictures.begin(jobs)
         return pictures.finish()
 
