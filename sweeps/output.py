@@ -47,7 +47,10 @@ def init_warp() -> None:
     """Initialize Warp and pass on its messages, except the one about a missing GPU driver."""
     import warp
 
+    from warpgrasp.core.kernel_cache import place_kernels
+
     warp.config.log_level = warp.LOG_ERROR
+    place_kernels()
     sys.stderr.flush()
     kept = os.dup(2)
     try:

@@ -8,7 +8,9 @@ home costs time, not the run.
 
 import os
 import shutil
+import tempfile
 from contextlib import suppress
+from functools import cache
 from hashlib import sha256
 from pathlib import Path
 
@@ -17,10 +19,40 @@ _OTHERS_WRITE = 0o022
 
 
 def cache_root() -> Path:
-    """The user's cache folder of this package: WARPGRASP_CACHE, or that below XDG_CACHE_HOME."""
+    """The user's cache folder of this package: WARPGRASP_CACHE, or that among their caches."""
     own = os.environ.get("WARPGRASP_CACHE")
-    return Path(own) if own else Path(
-        os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warpgrasp"
+    return Path(own) if own else (cache_home() or _among_temporary()) / "warpgrasp"
+
+
+def kernel_root() -> Path:
+    """Where Warp keeps compiled kernels: WARP_CACHE_PATH, or its folder among the user's caches."""
+    own = os.environ.get("WARP_CACHE_PATH")
+    return Path(own) if own else (cache_home() or _among_temporary()) / "warp"
+
+
+def cache_home() -> Path | None:
+    """The folder of the user's caches: XDG_CACHE_HOME, or .cache in their home. None where they
+    have no home, or one in which nothing can be made, as in containers."""
+    given = os.environ.get("XDG_CACHE_HOME")
+    if given:
+        return Path(given)
+    try:
+        folder = Path.home() / ".cache"
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, RuntimeError):  # RuntimeError: no home
+        return None
+    return folder
+
+
+@cache
+def _among_temporary() -> Path:
+    """A folder for caches of this user alone, which may go when the machine or container ends."""
+    folder = Path(tempfile.gettempdir()) / f"cache-of-user-{os.getuid()}"
+    with suppress(OSError):
+        folder.mkdir(mode=0o700, exist_ok=True)
+        if _own(folder):
+            return folder
+    return Path(tempfile.mkdtemp(prefix="cache-"))
 
 
 def read_cached(file: Path) -> bytes | None:

@@ -16,8 +16,17 @@ from pathlib import Path
 
 import warp as wp
 
+from warpgrasp.core.cache_file import cache_home, kernel_root
+
 _HASH = "[0-9a-f]" * 7
 _SUFFIX = ".sha256"
+
+
+def place_kernels() -> None:
+    """Before Warp starts: names a folder for its kernels where it would find none. Without one it
+    does not start, or makes one named `~` in the working directory."""
+    if cache_home() is None and wp.config.kernel_cache_dir is None:
+        wp.config.kernel_cache_dir = str(kernel_root())
 
 
 def has_kernels(module: str) -> bool:

@@ -18,9 +18,10 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.core.cores import thread_count
-from warpgrasp.core.kernel_cache import check_kernels, seal_kernels
+from warpgrasp.core.kernel_cache import check_kernels, place_kernels, seal_kernels
 
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
+place_kernels()
 _SMALLEST_SLICE = 512  # rows; below, starting a Python thread costs more than it saves
 _SMALLEST_HEAVY = 16  # of rows that take some 10 microseconds each, as a closing
 _SLICES = 16  # for each thread

@@ -12,7 +12,7 @@ from pathlib import Path
 from sweeps.output import devices, quiet_stdout
 from sweeps.run.environment import PACKAGES, describe_environment
 from sweeps.text_table import print_table
-from warpgrasp.core.cache_file import cache_root
+from warpgrasp.core.cache_file import cache_root, kernel_root
 from warpgrasp.core.cores import core_count
 
 OPTIONAL = ("ray", "viser", "yourdfpy", "gymnasium", "optuna", "mujoco", "pandas")
@@ -46,10 +46,8 @@ def _versions() -> Iterator[Row]:
 
 
 def _places() -> Iterator[Row]:
-    kernels = Path(os.environ.get("WARP_CACHE_PATH") or Path(
-        os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "warp")
     for label, path in (("compiled fits, baked meshes", cache_root()),
-                        ("compiled kernels", kernels)):
+                        ("compiled kernels", kernel_root())):
         yield label, f"{path} ({_size(path) / 1e6:.0f} MB)", _writable(path)
 
 

@@ -3,14 +3,24 @@
 import os
 import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 import warp as wp
 from hypothesis import given
 from hypothesis import strategies as st
+from places import PYTHONPATH
 
-from warpgrasp.core.cache_file import read_cached, write_cached
+from warpgrasp.core import cache_file
+from warpgrasp.core.cache_file import (
+    cache_home,
+    cache_root,
+    kernel_root,
+    read_cached,
+    write_cached,
+)
 from warpgrasp.core.kernel_cache import check_kernels, has_kernels, seal_kernels
 
 
@@ -111,3 +121,52 @@ def test_warps_own_files_are_sealed_and_a_flip_is_compiled_again(tmp_path: Path)
         content[len(content) // 2] ^= 16
         code.write_bytes(content)
     assert answer() == first
+
+
+@pytest.fixture
+def no_home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Where temporary files are, for a user whose home cannot hold anything."""
+    for name in ("XDG_CACHE_HOME", "WARPGRASP_CACHE", "WARP_CACHE_PATH"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("HOME", "/dev/null")
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    cache_file._among_temporary.cache_clear()
+    yield tmp_path
+    cache_file._among_temporary.cache_clear()
+
+
+def test_a_user_without_a_home_has_caches_of_their_own(
+        no_home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Such as of a container: commands ended with a traceback."""
+    own = no_home / f"cache-of-user-{os.getuid()}"
+    assert cache_home() is None
+    assert (cache_root(), kernel_root()) == (own / "warpgrasp", own / "warp")
+    assert own.stat().st_mode & 0o777 == 0o700
+
+    def unknown() -> Path:
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.setattr(Path, "home", unknown)
+    assert cache_home() is None
+    assert cache_root() == own / "warpgrasp"
+    monkeypatch.setenv("XDG_CACHE_HOME", str(no_home / "given"))
+    assert cache_root() == no_home / "given" / "warpgrasp"
+
+
+def test_a_folder_that_others_may_write_holds_no_caches(no_home: Path) -> None:
+    planted = no_home / f"cache-of-user-{os.getuid()}"
+    planted.mkdir()
+    planted.chmod(0o777)
+    assert planted not in kernel_root().parents
+    assert kernel_root().parent.stat().st_mode & 0o777 == 0o700
+
+
+def test_warp_starts_without_a_home(no_home: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", "from sweeps.output import init_warp; init_warp(); "
+         "import warp; print(warp.config.kernel_cache_dir)"],
+        capture_output=True, text=True, check=True, cwd=no_home,
+        env={**os.environ, "PYTHONPATH": PYTHONPATH})
+    assert Path(done.stdout.strip()).is_relative_to(no_home / f"cache-of-user-{os.getuid()}")
+    assert not (no_home / "~").exists()
