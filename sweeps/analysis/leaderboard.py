@@ -141,7 +141,7 @@ class ReferenceMeans:
             nothing = 0.0 if self.metric in COSTS else np.nan
             of_prior = np.full(values.shape, nothing)
         self.means.add(np.column_stack([values, *(
-            _mean(of_prior[:, list(r.entries)].T, len(values)) for r in self.references)]))
+            _mean([*of_prior[:, list(r.entries)].T], len(values)) for r in self.references)]))
 
     @property
     def known(self) -> bool:
