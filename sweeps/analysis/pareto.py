@@ -92,30 +92,36 @@ def early_failures(paired: Paired, metric: str, front: Pareto) -> Iterator[str]:
         times = [(took[:, n], failed[:, n] > 0.0) for took, failed in zip(
             *(_where_known(paired, metric, column) for column in (COST, FAILED)), strict=True)
             if np.isfinite(took[:, n]).all()]
-        whole = _as_the_others(times)
+        others = _others(times)
+        whole = np.mean([np.where(failed, other, took).mean()
+                         for (took, failed), other in zip(times, others, strict=True)] or [np.nan])
         if not whole * (1.0 - SHORTER) > cost[n]:
             continue
-        early = np.concatenate([took[failed] for took, failed in times])
+        early, full = (np.concatenate([np.broadcast_to(time, failed.shape)[failed]
+                                       for time, (_, failed) in zip(given, times, strict=True)])
+                       for given in ([took for took, _ in times], others))
         by = dominating(error, np.where(np.arange(len(cost)) == n, whole, cost))[n] & ~front.idle
         best = min(np.flatnonzero(by), key=lambda k: (error[k], k), default=None)
         then = ("" if best is None or front.dominated_by[n] is not None or front.idle[n] else
                 f", and {paired.labels[best]} would dominate it")
         yield (f"{label} takes {cost[n]:.1f} s, but {len(early)} of its episodes failed, after "
-               f"{early.mean():.1f} s in the mean: had they taken as long as the others, it would "
-               f"take {whole:.1f} s{then}")
+               f"{early.mean():.1f} s in the mean, where the others take {full.mean():.1f} s: had "
+               f"they taken as long, it would take {whole:.1f} s{then}")
 
 
-def _as_the_others(times: Sequence[tuple[np.ndarray, np.ndarray]]) -> float:
-    """The mean time if episodes that failed had taken as long as the others on their object, or on
-    all objects where there are none; NaN if all failed. Of each object the times, (episode,), and
-    which failed."""
-    others = np.array([took[~failed].mean() if not failed.all() else np.nan
-                       for took, failed in times])
-    if not np.isfinite(others).any():
-        return float("nan")
-    others = np.where(np.isfinite(others), others, np.nanmean(others))
-    return float(np.mean([np.where(failed, np.maximum(took, other), took).mean()
-                          for (took, failed), other in zip(times, others, strict=True)]))
+def _others(times: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """The mean time of an entry's episodes that did not fail, (object,); NaN if all failed. Of each
+    object the times, (episode,), and which failed.
+
+    Where all failed on an object, it is that of all objects, or their own time if it is longer.
+    """
+    own = np.array([took[~failed].mean() if not failed.all() else np.nan
+                    for took, failed in times])
+    known = np.isfinite(own)
+    if not known.any():
+        return own
+    longest = [max(took.mean(), own[known].mean()) for took, _ in times]
+    return np.where(known, own, longest)
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:

@@ -124,8 +124,8 @@ def test_an_entry_that_is_quick_because_it_fails_early_is_named(tmp_path: Path, 
     told, notes = pareto_of(tmp_path, 3, rows)
     assert told["sx"]["dominated_by"] == ("" if early < 50.0 else "s")
     assert [note for note in notes if "failed" in note] == ([
-        "sx takes 52.5 s, but 12 of its episodes failed, after 5.0 s in the mean: had they taken "
-        "as long as the others, it would take 100.0 s, and s would dominate it"]
+        "sx takes 52.5 s, but 12 of its episodes failed, after 5.0 s in the mean, where the others "
+        "take 100.0 s: had they taken as long, it would take 100.0 s, and s would dominate it"]
         if early < 50.0 else [])
     plan, store = written(tmp_path / "page", 3, rows)
     assert ("and s would dominate it" in make_report(plan, [store], views=False).decode()) == (
