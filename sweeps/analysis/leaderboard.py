@@ -141,7 +141,7 @@ class ReferenceMeans:
             nothing = 0.0 if self.metric in COSTS else np.nan
             of_prior = np.full(values.shape, nothing)
         self.means.add(np.column_stack([values, *(
-            _mean_of_known(of_prior[:, list(r.entries)]) for r in self.references)]))
+            _mean([*of_prior[:, list(r.entries)].T], len(values)) for r in self.references)]))
 
     @property
     def known(self) -> bool:
@@ -178,12 +178,15 @@ class ReferenceMeans:
                       f"delta_{name}_low": delta.low, f"delta_{name}_high": delta.high}
         return {name: values[own] for name, values in found.items()}
 
-
-def _mean_of_known(values: np.ndarray) -> np.ndarray:
-    """Of each row; entries of one reference were given the same prior, or failed without one."""
-    known = np.isfinite(values)
-    return np.divide(np.where(known, values, 0.0).sum(1), known.sum(1), where=known.any(1),
-                     out=np.full(len(values), np.nan))
+    def by_choice(self, best: int, sign: float) -> Iterator[str]:
+        """References that are worse than entry `best` only if that was not chosen of them all."""
+        for over, name in (("like-these", "delta_ci_"), ("these", "delta_these_")):
+            alone, together = (self.means.differences(best, over, all_) for all_ in (False, True))
+            for n, reference in enumerate(self.references, self.entries):
+                far, near = (min(sign * e.low[n], sign * e.high[n]) for e in (alone, together))
+                if far > 0.0 >= near:
+                    yield (f"{name} of {reference.label} excludes 0 for one entry alone; the best "
+                           f"of {self.entries} may be as good by luck")
 
 
 class _Ranking:
@@ -199,7 +202,7 @@ class _Ranking:
         self.beside_prior = {name: ReferenceMeans(references, len(entries), name, seed)
                              for name in self.means}
         self.plain: dict[str, list[np.ndarray]] = {name: [] for name in PLAIN}
-        self.objects = self.episodes = 0
+        self.objects = self.episodes = self.first = 0
         self.distinct = 0  # episodes, an episode at many points of an axis counted once
         self.lost: list[str] = []  # objects on which no episode has a value
         self.did: list[bytes] = [b""] * len(entries)  # a digest of all that each entry did
@@ -231,7 +234,7 @@ class _Ranking:
         value = sensible_ends(found.values("like-these", bounds_of(metric)))
         key = np.where(np.isfinite(value.value), sign * value.value, np.inf)
         order = sorted(range(len(self.entries)), key=lambda n: (key[n], self.entries[n].label))
-        these = sensible_ends(found.values("these", bounds_of(metric)))
+        self.first, these = order[0], sensible_ends(found.values("these", bounds_of(metric)))
         delta, delta_these = (found.differences(order[0], over) for over in ("like-these", "these"))
         iou = self.means["iou"].values("like-these", bounds_of("iou"))
         digits = digits_of(metric)
@@ -347,6 +350,8 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
             f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
             for name, mean in ranking.rarely_touching()])
         notes += _few([line + where for line in ranking.worse_than_prior()])
+        notes += _few([line + where for line in ranking.beside_prior[metric].by_choice(
+            ranking.first, ranking.sign)])
         notes += _few([line + where for line in ranking.alike()])
     notes += _few(faults.untouched())
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))

@@ -1,10 +1,13 @@
 """Error against robot time: which entries no other beats in both.
 
 What every strategy is given, `given-prior`, takes no time: an entry that is no better is not on the
-front, and beats nobody.
+front, and beats nobody. An episode that fails early takes little time, too: `early_failures` says
+which means that shortens.
 """
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 
@@ -16,6 +19,9 @@ from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
 
 COST = "robot_time_s"
+FAILED = "failure_rate"
+SHORTER = 0.05
+"""Share of its time by which an entry's failures may shorten it without a word."""
 ROUNDING = 1e-9
 """Share of a score that its mean over many rows may be off by."""
 
@@ -37,7 +43,7 @@ class Pareto:
 
 def columns_of(metric: str) -> list[str]:
     """The columns that a front needs of a study's rows, `metric` first."""
-    return list(filter(None, [metric, COST, prior_column(metric)]))
+    return list(filter(None, [metric, COST, FAILED, prior_column(metric)]))
 
 
 def find_front(paired: Paired, metric: str) -> Pareto:
@@ -53,21 +59,69 @@ def find_front(paired: Paired, metric: str) -> Pareto:
              for e, c, beaten in zip(error[1:], cost[1:], idle[1:], strict=True)
              if np.isfinite([e, c]).all()]
     errors = paired.statistics(metric).values(paired.over, bounds_of(metric))
-    return Pareto(sensible_ends(errors), _costs(paired),
+    return Pareto(sensible_ends(errors), _costs(paired, metric),
                   tuple(None if n is None else int(n) for n in best), idle[0],
                   np.mean(drawn, axis=0) if drawn else np.full(len(by), np.nan))
 
 
-def _costs(paired: Paired) -> Estimate:
-    """Each entry's own: another's failures say nothing of it."""
+def _costs(paired: Paired, metric: str) -> Estimate:
+    """Each entry's own: another's failures say nothing of it. Of the objects that errors are of."""
     found = []
     for n in range(len(paired.entries)):
         own = ObjectMeans(1, 0)
-        for values in paired.values[COST]:
+        for values in _where_known(paired, metric, COST):
             own.add(values[:, [n]])
         found.append(own.values(paired.over, bounds_of(COST)))
     return sensible_ends(Estimate(*(np.concatenate(parts) for parts in zip(
         *((part.value, part.low, part.high) for part in found), strict=True))))
+
+
+def _where_known(paired: Paired, metric: str, column: str) -> list[np.ndarray]:
+    """A column on the objects where the metric is known; on all where it is known on none."""
+    known = [bool(np.isfinite(means).all()) for means in paired.object_means(metric)]
+    return list(compress(paired.values[column], known if any(known) else [True] * len(known)))
+
+
+def early_failures(paired: Paired, metric: str, front: Pareto) -> Iterator[str]:
+    """Entries that take less time because episodes failed early, and who would dominate them if
+    these had taken as long as the others; none where it was not read which failed."""
+    if FAILED not in paired.values:
+        return
+    error, cost = sign_of(metric) * front.error.value, front.cost.value
+    for n, label in enumerate(paired.labels):
+        times = [(took[:, n], failed[:, n] > 0.0) for took, failed in zip(
+            *(_where_known(paired, metric, column) for column in (COST, FAILED)), strict=True)
+            if np.isfinite(took[:, n]).all()]
+        others = _others(times)
+        whole = np.mean([np.where(failed, other, took).mean()
+                         for (took, failed), other in zip(times, others, strict=True)] or [np.nan])
+        if not whole * (1.0 - SHORTER) > cost[n]:
+            continue
+        early, full = (np.concatenate([np.broadcast_to(time, failed.shape)[failed]
+                                       for time, (_, failed) in zip(given, times, strict=True)])
+                       for given in ([took for took, _ in times], others))
+        by = dominating(error, np.where(np.arange(len(cost)) == n, whole, cost))[n] & ~front.idle
+        best = min(np.flatnonzero(by), key=lambda k: (error[k], k), default=None)
+        then = ("" if best is None or front.dominated_by[n] is not None or front.idle[n] else
+                f", and {paired.labels[best]} would dominate it")
+        yield (f"{label} takes {cost[n]:.1f} s, but {len(early)} of its episodes failed, after "
+               f"{early.mean():.1f} s in the mean, where the others take {full.mean():.1f} s: had "
+               f"they taken as long, it would take {whole:.1f} s{then}")
+
+
+def _others(times: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+    """The mean time of an entry's episodes that did not fail, (object,); NaN if all failed. Of each
+    object the times, (episode,), and which failed.
+
+    Where all failed on an object, it is that of all objects, or their own time if it is longer.
+    """
+    own = np.array([took[~failed].mean() if not failed.all() else np.nan
+                    for took, failed in times])
+    known = np.isfinite(own)
+    if not known.any():
+        return own
+    longest = [max(took.mean(), own[known].mean()) for took, _ in times]
+    return np.where(known, own, longest)
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:
@@ -94,7 +148,7 @@ def pareto_table(paired: Paired, metric: str) -> TextTable:
         for n in order)
     header = ("strategy", COST, f"{COST}_ci_low", f"{COST}_ci_high", metric, f"{metric}_ci_low",
               f"{metric}_ci_high", "dominated_by", "p_front")
-    return TextTable(header, rows, paired.notes)
+    return TextTable(header, rows, (*paired.notes, *early_failures(paired, metric, front)))
 
 
 def _last(value: float) -> float:

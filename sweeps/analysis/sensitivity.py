@@ -222,35 +222,41 @@ def _tau_by_chance(base: np.ndarray) -> np.ndarray:
 
 
 def _sure(scores: np.ndarray) -> float:
-    """Standard errors by which a pair must differ, both ways, to be swapped for sure: Student's,
-    with Bonferroni's correction for all pairs and settings."""
-    from scipy.special import stdtrit
-
-    settings, strategies, objects, episodes = scores.shape
+    """How unlikely each of a pair's two leads must be by chance, for it to be swapped for sure:
+    Bonferroni's correction for all pairs and settings, two-sided."""
+    settings, strategies = scores.shape[:2]
     claims = settings * strategies * (strategies - 1) / 2
-    freedom = max(objects * (episodes - 1), 1)
-    return float(stdtrit(freedom, 1.0 - SURE / (2.0 * claims)))
+    return SURE / (2.0 * claims)
 
 
 def _swapped(base: np.ndarray, values: np.ndarray, names: Sequence[str], sure: float) -> str:
     """Pairs that are surely one way by default and surely the other way now (paired episodes)."""
     found = []
     for a, b in combinations(range(len(names)), 2):
-        before, after = _lead(base[a] - base[b]), _lead(values[a] - values[b])
-        if min(abs(before), abs(after)) > sure and before * after < 0:
+        (before, once), (after, now) = _lead(base[a] - base[b]), _lead(values[a] - values[b])
+        if max(once, now) < sure and before * after < 0:
             found.append(f"{names[a]} {'<' if after < 0 else '>'} {names[b]}")
     return "; ".join(found) or "none"
 
 
-def _lead(difference: np.ndarray) -> float:
+def _lead(difference: np.ndarray) -> tuple[float, float]:
     """The mean over objects of means over episodes, (object, episode), in its standard errors, the
-    objects being given."""
+    objects being given; and the chance of one so far from zero on that side.
+
+    Student's t has Welch and Satterthwaite's degrees of freedom: one object of a large spread has
+    few, however many there are of the others.
+    """
+    from scipy.special import stdtr
+
     count = np.isfinite(difference).sum(-1)
     told, count = difference[count > 1], count[count > 1]
     if not len(told):
-        return 0.0
-    error = np.sqrt((np.nanvar(told, axis=-1, ddof=1) / count).sum()) / len(told)
-    return float(_mean(_mean(told)) / max(error, 1e-12))
+        return 0.0, 0.5
+    part = np.nanvar(told, axis=-1, ddof=1) / count
+    lead = float(_mean(_mean(told)) / max(np.sqrt(part.sum()) / len(told), 1e-12))
+    square = (part**2 / (count - 1)).sum()
+    freedom = part.sum() ** 2 / square if square > 0.0 else float((count - 1).sum())
+    return lead, float(stdtr(freedom, -abs(lead)))
 
 
 def _changed(plan: Plan, number: int) -> tuple[str, str, str]:

@@ -43,7 +43,8 @@ class Effect:
     """How many settings each level has."""
     spread: tuple[float, float, float]
     """The largest minus the smallest level mean, and the interval of the difference of these two
-    levels: with other objects or episodes either may be the larger."""
+    levels: with other objects or episodes either may be the larger. They were chosen for their
+    means, so the interval holds for all pairs of levels at once."""
     share: float
     level_of: tuple[int, ...]
     """The level of each of the strategy's settings."""
@@ -81,7 +82,7 @@ def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterat
                                             for n in range(len(names))], axis=1))
                 found = sensible_ends(of_levels.values(paired.over, bounds_of(metric)))
                 most, least = found.value.argmax(), found.value.argmin()
-                apart = of_levels.differences(int(least), paired.over, simultaneous=False)
+                apart = of_levels.differences(int(least), paired.over)
                 widest = bounds_of(metric)[1]
                 between_two, least_apart, most_apart = (
                     float(np.clip(ends[most], -widest, widest))

@@ -85,7 +85,8 @@ def pareto_section(paired: Paired, metric: str) -> str:
     return section("Error and robot time", drawing(
         draw_pareto(paired, metric), "pareto-plot", "Error against robot time",
         "Coloured: on the front, no other strategy is better in both."), details(
-        "As a table", table("Error against robot time", found.header, found.rows)), name="pareto")
+        "As a table", table("Error against robot time", found.header, found.rows)),
+        *(paragraph(note) for note in found.notes if note not in paired.notes), name="pareto")
 
 
 def objects_section(paired: Paired, metric: str) -> str:
@@ -144,7 +145,8 @@ def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
         draw_settings(plan, paired, metric), "settings-plot", "Means by level of each factor",
         "Means; the tint is the difference from the strategy's mean."), paragraph(
         "spread is the largest level mean minus the smallest, with the interval of that "
-        "difference; share is the factor's part of the variance between settings."),
+        "difference, which holds for all levels together; share is the factor's part "
+        "of the variance between settings."),
         *(paragraph(note) for note in found.notes if note not in paired.notes),
         table("Means by level", found.header, found.rows), name="settings")
 

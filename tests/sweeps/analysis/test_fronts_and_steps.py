@@ -1,5 +1,6 @@
 """Points of curves, intervals that say nothing, and who is on the front."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
 from sweeps.figures.heat_maps import draw_confusion
+from sweeps.report.page import make_report
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns
 
@@ -84,6 +86,50 @@ def test_who_is_no_better_than_its_prior_is_not_on_the_front(
     told = {row["strategy"]: (row["dominated_by"], row["p_front"])
             for row in table_rows(KINDS["pareto"][0](asked))}
     assert told == {"sx": ("given-prior", "0.000"), "s": ("", "1.000")}
+
+
+def pareto_of(folder: Path, objects: int, rows: Callable[[Unit], Columns]
+              ) -> tuple[dict[str, dict[str, str]], list[str]]:
+    """The rows of the table, by strategy, and its notes."""
+    plan, store = written(folder, objects, rows)
+    made = KINDS["pareto"][0](Asked(plan, [store], "chamfer_mm", None, None))
+    return {row["strategy"]: row for row in table_rows(made)}, list(made.notes)
+
+
+def test_times_are_of_the_objects_that_errors_are_of(tmp_path: Path) -> None:
+    """Where nothing has a distance on an object the time there counted in what was shown, but not
+    in who dominates: here "sx" seemed to beat "s" in both, and did not dominate it."""
+    def rows(unit: Unit) -> Columns:
+        lost, slow = unit.cell.object_name == "block", unit.cell.strategy.name == "sx"
+        return {"chamfer_mm": np.full(8, np.nan if lost else 5.0 if slow else 6.0),
+                "robot_time_s": np.full(8, (10.0 if lost else 60.0) if slow else 50.0)}
+
+    told, _ = pareto_of(tmp_path, 3, rows)
+    assert {name: row["robot_time_s"] for name, row in told.items()} == {"s": "50.00",
+                                                                         "sx": "60.00"}
+    assert {row["dominated_by"] for row in told.values()} == {""}
+
+
+@pytest.mark.parametrize("early", [5.0, 100.0])
+def test_an_entry_that_is_quick_because_it_fails_early_is_named(tmp_path: Path, early: float
+                                                                ) -> None:
+    """Half of the episodes of "sx" fail: it is on the front only if they fail early."""
+    def rows(unit: Unit) -> Columns:
+        failed = (np.arange(8) % 2 == 0) & (unit.cell.strategy.name == "sx")
+        time = np.where(failed, early, 100.0 if unit.cell.strategy.name == "sx" else 60.0)
+        return {"status": np.where(failed, "strategy_failed", "ok").astype(object),
+                "chamfer_mm": np.where(failed, 12.0, 3.0), "prior_chamfer_mm": np.full(8, 12.0),
+                "robot_time_s": time}
+
+    told, notes = pareto_of(tmp_path, 3, rows)
+    assert told["sx"]["dominated_by"] == ("" if early < 50.0 else "s")
+    assert [note for note in notes if "failed" in note] == ([
+        "sx takes 52.5 s, but 12 of its episodes failed, after 5.0 s in the mean, where the others "
+        "take 100.0 s: had they taken as long, it would take 100.0 s, and s would dominate it"]
+        if early < 50.0 else [])
+    plan, store = written(tmp_path / "page", 3, rows)
+    assert ("and s would dominate it" in make_report(plan, [store], views=False).decode()) == (
+        early < 50.0)
 
 
 @pytest.mark.parametrize(("metric", "worse", "better"), [

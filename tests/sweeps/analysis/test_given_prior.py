@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from studies import SMALL, board, fill, plan_of, run_in
 
-from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.entries import Reference
+from sweeps.analysis.leaderboard import ReferenceMeans, make_leaderboard
 from sweeps.analysis.paired import read_paired
 from sweeps.report.page import make_report
 from sweeps.spec.cell import Cell
@@ -118,6 +119,51 @@ def test_each_setting_of_the_prior_has_its_own_reference(tmp_path: Path) -> None
     each = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]).csv())
     assert [row["strategy"] for row in each if row["rank"] == "NA"] == [
         "given-prior [object=block]", "given-prior [object=wedge]"]
+
+
+def test_the_best_of_many_that_gain_nothing_is_not_called_better_than_nothing() -> None:
+    """Of thirty entries that score as their prior does, the first is better than it by luck: the
+    interval of the reference's difference, which is of one entry alone, excludes 0 in half of the
+    boards. A note says so, unless the gain holds for all of them."""
+    rng, count = np.random.default_rng(5), 30
+    alone = untold = 0
+    for gain in [0.0] * 60 + [3.0]:
+        beside = ReferenceMeans([Reference("given-prior", tuple(range(count)))], count,
+                                "chamfer_mm", 0)
+        for _ in range(6):
+            prior = np.repeat(rng.gamma(4.0, 2.5, (16, 1)), count, axis=1)
+            values = prior + rng.normal(0.0, 2.0, prior.shape)
+            values[:, 0] -= gain
+            beside.add(values, prior)
+        best = int(beside.means.values("these").value[:count].argmin())
+        excludes = bool(beside.columns(best)["delta_these_low"][0] > 0.0)
+        told = any(line.startswith("delta_these_ of given-prior excludes 0 for one entry alone")
+                   for line in beside.by_choice(best, 1.0))
+        assert excludes or not told
+        if gain:
+            assert excludes
+            assert not told
+        else:
+            alone += excludes
+            untold += excludes and not told
+    assert alone > 20
+    assert untold <= 0.05 * 60 + 5
+
+
+def test_a_board_says_that_its_first_may_be_better_than_the_prior_by_luck(tmp_path: Path) -> None:
+    @fake_episodes.cell_by_cell
+    def lucky(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        rows = told(cell, episodes)
+        own = np.where(episodes % 2, 1.0, -1.0) * len(cell.strategy.name)
+        return rows | {"status": np.full(len(episodes), "ok", object),
+                       "chamfer_mm": rows["prior_chamfer_mm"] + own - 0.7}
+
+    plan = plan_of(tmp_path, THREE)
+    made = make_leaderboard(plan, [fill(tmp_path, plan, lucky)])
+    last = rows_of(made.csv())[-1]
+    assert float(last["delta_these_low"]) > 0.0
+    assert any(note.startswith("delta_these_ of given-prior excludes 0 for one entry alone; the "
+                               "best of 3 ") for note in made.notes)
 
 
 def test_costs_of_doing_nothing_are_nothing_and_flag_nobody(tmp_path: Path) -> None:

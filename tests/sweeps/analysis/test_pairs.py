@@ -59,6 +59,29 @@ def test_tests_on_one_object_are_those_of_scipy() -> None:
     assert objects_test(differences) == pytest.approx(min(1.0, 2 * (every <= observed).mean()))
 
 
+@pytest.mark.parametrize("kind", ["continuous", "whole numbers", "mostly none"])
+@pytest.mark.parametrize("objects", [1, 2, 6, 13])
+def test_the_signed_rank_test_is_the_exact_one(objects: int, kind: str) -> None:
+    rng = np.random.default_rng(objects)
+    for _ in range(4):
+        differences = rng.normal(0.5, 1.0, objects)
+        if kind != "continuous":
+            differences = np.round(differences * (2.0 if kind == "whole numbers" else 0.5))
+        apart = differences[differences != 0.0]
+        ranks = stats.rankdata(np.abs(apart))
+        up = np.arange(2 ** len(apart))[:, None] >> np.arange(len(apart)) & 1
+        far = np.abs(2.0 * up @ ranks - ranks.sum())  # of all signs, which are equally likely
+        mine = np.abs(np.sign(apart) @ ranks)
+        assert objects_test(differences) == pytest.approx((far >= mine - 1e-9).mean())
+
+
+@pytest.mark.parametrize("without", [0, 8, 30])
+def test_objects_without_a_difference_prove_nothing(without: int) -> None:
+    """Six objects that agree have a p of 1/32 at least; with eight more without a difference the
+    normal approximation gave 0.014."""
+    assert objects_test(np.append(np.zeros(without), np.full(6, 0.5))) == 2.0**-5
+
+
 def test_differences_that_do_not_vary_are_tested_by_their_signs() -> None:
     """Two episodes that happen to differ by the same are no proof."""
     assert episodes_test([np.array([1.0, 1.0])]) == 0.5

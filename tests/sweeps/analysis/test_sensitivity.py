@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-from scipy.stats import t
+from scipy.stats import t, ttest_1samp
 from studies import SMALL, fill, plan_of, write_spec
 
 from sweeps.analysis.sensitivity import (
@@ -63,14 +63,35 @@ def test_defaults_are_the_tables() -> None:
 def test_only_sure_swaps_count() -> None:
     rng = np.random.default_rng(0)
     base = rng.normal(0.0, 0.1, (2, 3, 16)) + np.array([1.0, 2.0])[:, None, None]
-    assert _swapped(base, base[::-1], ("a", "b"), 4.0) == "a > b"
-    assert _swapped(base, base, ("a", "b"), 4.0) == "none"
-    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b"), 4.0) == "none"
+    assert _swapped(base, base[::-1], ("a", "b"), 1e-4) == "a > b"
+    assert _swapped(base, base, ("a", "b"), 1e-4) == "none"
+    assert _swapped(base, base + rng.normal(0.0, 9.0, base.shape), ("a", "b"), 1e-4) == "none"
 
 
 def test_what_is_sure_depends_on_how_much_is_compared() -> None:
-    """Six pairs of four strategies in seventy settings, six objects with 15 degrees each."""
-    assert _sure(np.zeros((70, 4, 6, 16))) == pytest.approx(t.isf(0.05 / 2 / 420, 90))
+    """Six pairs of four strategies in seventy settings; objects of equal spread have 15 degrees
+    each, of ends that are far apart those of one object."""
+    assert _sure(np.zeros((70, 4, 6, 16))) == pytest.approx(0.05 / 2 / 420)
+    episodes = np.tile(np.random.default_rng(4).normal(0.4, 1.0, 16), (6, 1))
+    lead, chance = _lead(episodes)
+    assert chance == pytest.approx(t.sf(lead, 90))
+    episodes[1:] *= 1e-6
+    lead, chance = _lead(episodes)
+    assert (lead, chance) == pytest.approx(
+        [*ttest_1samp(episodes[0], 0.0, alternative="greater")], rel=1e-4)
+
+
+def test_hardly_any_table_swaps_strategies_that_are_equal() -> None:
+    """By default they are far apart, in sixty settings equal; one object has twenty times the
+    spread. With the degrees of freedom of all objects half of the tables had a swap."""
+    rng, wrong, names = np.random.default_rng(1), 0, tuple("abcd")
+    spread = np.array([1.0, 1.0, 1.0, 1.0, 1.0, 20.0])[:, None]
+    for _ in range(40):
+        scores = spread * rng.normal(size=(61, 4, 6, 8))
+        scores[0] += np.array([0.0, 600.0, 1200.0, 1800.0])[:, None, None]
+        wrong += any(_swapped(scores[0], values, names, _sure(scores)) != "none"
+                     for values in scores[1:])
+    assert wrong <= 4  # two in the mean, at most
 
 
 def test_objects_count_alike_whatever_their_episodes() -> None:
@@ -78,7 +99,7 @@ def test_objects_count_alike_whatever_their_episodes() -> None:
     apart = np.full((2, 16), np.nan)
     apart[0] = -1.0 + 0.05 * np.random.default_rng(0).normal(size=16)
     apart[1, :2] = 3.0, 3.1
-    assert _lead(apart) > 0.0
+    assert _lead(apart)[0] > 0.0
 
 
 def fails(store: Store, plan: Plan, strategy: int, setting: int, body: int) -> None:

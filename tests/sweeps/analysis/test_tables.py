@@ -166,6 +166,24 @@ def test_levels_that_differ_by_luck_alone_have_a_spread_that_may_be_none(tmp_pat
         assert effect.spread[1] < 0.0 < effect.spread[0] < effect.spread[2]
 
 
+@pytest.mark.parametrize("over", ["these", "like-these"])
+def test_equal_levels_hardly_ever_have_a_spread_that_excludes_none(tmp_path: Path, over: str
+                                                                   ) -> None:
+    """Of eight equal levels the interval of the two that are farthest apart, as if these had been
+    chosen beforehand, excluded 0 in four studies of ten."""
+    plan, store = wide_study(tmp_path, wide_text(
+        1, 6, 2, '[sweep.grid]\n"sensors.tendon_threshold_N" = [1, 2, 3, 4, 5, 6, 7, 8]'))
+    paired = read_settings(plan, [store], "chamfer_mm", over)
+    rng, trials, claims = np.random.default_rng(3), 100, 0
+    for _ in range(trials):
+        luck = rng.normal(5.0, 1.0, (6, 16, 8))
+        effect = next(effects(plan, replace(
+            paired, values={"chamfer_mm": tuple(luck)},
+            means={"chamfer_mm": luck.mean(axis=(0, 1))[None]}), "chamfer_mm"))
+        claims += effect.spread[1] > 0.0
+    assert claims <= 0.05 * trials + 6
+
+
 @settings(max_examples=50)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(0, 4)), min_size=1, max_size=8))
 def test_dominance_by_definition(points: list[tuple[int, int]]) -> None:
