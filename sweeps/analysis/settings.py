@@ -99,12 +99,15 @@ def effects(plan: Plan, paired: Paired, metric: str, cut: bool = True) -> Iterat
 
 
 def _levels(values: list[object], cut: bool) -> tuple[tuple[str, ...], np.ndarray]:
-    """The names of a factor's levels, and the level of each setting."""
+    """The names of a factor's levels, and the level of each setting. Numbers that may be `cut`
+    into levels rise; others come in the spec's order."""
     distinct = list(dict.fromkeys(values))
-    if not cut or len(distinct) <= MANY_VALUES or not all(map(_is_number, distinct)):
-        return (tuple(value_texts(distinct)),
-                np.array([distinct.index(v) for v in values]))
+    if not cut or not all(map(_is_number, distinct)):
+        return tuple(value_texts(distinct)), np.array([distinct.index(v) for v in values])
     numbers = np.array(values, float)
+    if len(distinct) <= MANY_VALUES:
+        _, first, level = np.unique(numbers, return_index=True, return_inverse=True)
+        return tuple(value_texts([values[n] for n in first])), level
     rank = np.searchsorted(np.sort(numbers), numbers)
     _, level = np.unique(rank * LEVELS // len(numbers), return_inverse=True)
     return tuple(f"{numbers[level == n].min():.4g} to {numbers[level == n].max():.4g}"

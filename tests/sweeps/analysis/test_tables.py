@@ -271,6 +271,18 @@ def test_effects_of_swept_factors(tmp_path: Path) -> None:
     assert yaw.share < 1e-6
 
 
+def test_levels_that_were_sampled_rise(tmp_path: Path) -> None:
+    """They came in the order of the sample."""
+    sampled = '[sweep.sobol]\nn = 8\n"object.yaw_deg" = { low = -90, high = 90 }\n'
+    plan, store = wide_study(tmp_path, wide_text(1, 2, 2, sampled))
+    effect, = effects(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
+    assert len(effect.levels) == 8
+    assert list(map(float, effect.levels)) == sorted(map(float, effect.levels))
+    given = [value for value, in plan.study.axes[0].values]
+    assert [float(effect.levels[level]) for level in effect.level_of] == pytest.approx(
+        given, abs=0.01)
+
+
 def test_first_order_shares_of_an_additive_function(monkeypatch: pytest.MonkeyPatch,
                                                     tmp_path: Path) -> None:
     """On a full grid the shares of an additive response are its variances' and sum to one."""
