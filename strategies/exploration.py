@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fit.arrays import row_sums, rows_of, with_rows
-from fit.fit_status import FitStatus
+from fit.fit_status import is_fitted
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks, joined_links, no_links, touched_links
@@ -384,7 +384,7 @@ class RunningExploration:
         """How each world ended."""
         known = self.recovered.shape > 0
         enough = self.fitted.placed.mask.sum(1) >= FEWEST_CONTACTS
-        good = np.isin(self.fits.status, (FitStatus.converged, FitStatus.not_converged))
+        good = is_fitted(self.fits.status)
         return np.where(self.faulty, fault_status(self.fault), np.where(
             known, "ok", np.where(~enough, "too_few_contacts", np.where(
                 good, "fit_implausible", "fit_failed"))))

@@ -6,12 +6,13 @@ from math import radians
 from strategies.poses.waypoints import Column, Hemisphere, Opposing, Random, Ring, Spiral, Top
 from strategies.strategy import Strategy
 
-_RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
-            palm_clearance_m=0.080, clearance_per_radius=0.0)
-_RIM_TURNED = replace(_RIM, roll_rad=radians(-90), azimuth_rad=radians(30))
-_AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
-_CLOSE = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.030, clearance_per_radius=0.5,
-              azimuth_rad=radians(30))
+RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
+           palm_clearance_m=0.080, clearance_per_radius=0.0)
+RIM_TURNED = replace(RIM, roll_rad=radians(-90), azimuth_rad=radians(30))
+AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
+CLOSE = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.030, clearance_per_radius=0.5,
+             azimuth_rad=radians(30))
+"""Rings of several strategies, and of the candidates that adaptive ones choose from."""
 TOUCHES = 96
 """Budget of the strategies that choose one pose at a time: twelve poses of two closings."""
 DEFAULT = "any-object"
@@ -23,18 +24,18 @@ STRATEGIES: dict[str, Strategy] = {s.name: s for s in (
     Strategy("ring18", (Ring(count=18, tilt_rad=radians(50)),), doc="eighteen around at 50 deg"),
     Strategy("top2-ring6", (Top(count=2), Ring(count=6)),
              doc="two from above, then six around at 55 deg"),
-    Strategy("rim6-ring12", (_RIM, _AROUND, _CLOSE),
+    Strategy("rim6-ring12", (RIM, AROUND, CLOSE),
              doc="six on the rim, six around, six around and closer"),
-    Strategy("rim12-ring12", (_RIM, _RIM_TURNED, _AROUND, _CLOSE),
+    Strategy("rim12-ring12", (RIM, RIM_TURNED, AROUND, CLOSE),
              doc="twelve on the rim, thumb below and above, six around, six closer"),
-    Strategy("coarse-to-fine", (_RIM, _AROUND, _CLOSE), order=("containment", *["decide"] * 3),
+    Strategy("coarse-to-fine", (RIM, AROUND, CLOSE), order=("containment", *["decide"] * 3),
              doc="eighteen grasps, then faces or contour as the recovered shape picks, and the "
                  "other if that was wrong"),
-    Strategy("contour-first", order=("contour", "containment"), waypoints=(_RIM, _AROUND),
+    Strategy("contour-first", order=("contour", "containment"), waypoints=(RIM, AROUND),
              doc="the contour about the prior, then twelve grasps"),
-    Strategy("planar", (_RIM, _AROUND, _CLOSE), order=("containment", "planar"),
+    Strategy("planar", (RIM, AROUND, CLOSE), order=("containment", "planar"),
              doc="eighteen grasps, then the faces of the recovered body"),
-    Strategy("contour", (_RIM, _AROUND, _CLOSE), order=("containment", "contour"),
+    Strategy("contour", (RIM, AROUND, CLOSE), order=("containment", "contour"),
              doc="eighteen grasps, then the contour of the recovered body"),
     Strategy("contour-only", order=("contour",), doc="the contour about the prior"),
     Strategy("column9", (Column(count=9),), doc="three rings of three up the object at 55 deg"),

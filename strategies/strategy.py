@@ -5,15 +5,11 @@ names a registered one, or one in a user's file. `planners.from_strategy` makes 
 `strategies.exploration` asks for the next probes.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from strategies.poses.waypoints import Ring
-from warpgrasp.spec_words import spec_words
-
-
-def _number(default: int | None, low: float, high: float, doc: str) -> Any:
-    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+from warpgrasp.spec_words import number, spec_words
 
 
 @spec_words
@@ -34,15 +30,15 @@ class Strategy:
     """A registered planner, or `file.py:name`; empty: the order above."""
     options: tuple[tuple[str, Any], ...] = ()
     """Arguments of the planner, by name."""
-    refit_every: int = _number(
+    refit_every: int = number(
         0, 0, 256, "poses of a containment between two fits; 0: one fit after all of them, "
                    "after each where volume_ratio is a budget; of planners only random and even "
                    "go by it")
-    noise_stream: int = _number(0, 0, 10**6, "strategies of one stream meet the same noise")
-    touches: int | None = _number(
+    noise_stream: int = number(0, 0, 10**6, "strategies of one stream meet the same noise")
+    touches: int | None = number(
         None, 1, 10**6, "budget: guarded motions of a finger in an episode, felt or not")
-    robot_time_s: float | None = _number(None, 1e-3, 1e6, "budget: robot time of an episode")
-    volume_ratio: float | None = _number(
+    robot_time_s: float | None = number(None, 1e-3, 1e6, "budget: robot time of an episode")
+    volume_ratio: float | None = number(
         None, 1.0, 1e6, "budget: 90 % interval of the volume, upper over lower bound")
 
     def __post_init__(self) -> None:

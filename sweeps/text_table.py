@@ -78,6 +78,11 @@ def finite_or_none(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+def six_digits(value: float) -> float | None:
+    """As `finite_or_none`, rounded to six digits."""
+    return finite_or_none(float(f"{value:.6g}"))
+
+
 def print_json(content: Any) -> None:
     """Prints a record, or several; infinite numbers and NaN, which JSON lacks, are refused."""
     print(json.dumps(content, indent=1, allow_nan=False))

@@ -9,10 +9,10 @@ the field `link_radius_m` has the word `link_radius_mm`, `speed_rad_s` has `spee
 import re
 from collections.abc import Callable
 from copy import copy
-from dataclasses import fields
+from dataclasses import field, fields
 from difflib import get_close_matches
 from functools import wraps
-from math import degrees, isfinite, radians
+from math import degrees, inf, isfinite, radians
 from numbers import Integral, Real
 from typing import Any, TypeVar
 
@@ -31,13 +31,23 @@ def same(value: Any) -> Any:
     return value
 
 
-def word_of(field: str) -> tuple[str, Callable[[float], float], Callable[[float], float]]:
+def number(default: Any, low: float = 0.0, high: float = inf, doc: str = "") -> Any:
+    """A field with its default, the closed range each entry must lie in, and its meaning."""
+    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
+
+
+def choice(default: str, choices: tuple[str, ...], doc: str) -> Any:
+    """A field with its default, the texts that it may be, and its meaning."""
+    return field(default=default, metadata={"choices": choices, "doc": doc})
+
+
+def word_of(name: str) -> tuple[str, Callable[[float], float], Callable[[float], float]]:
     """A field's word in a spec, and the functions from the spec's unit to SI and back."""
-    if share := _SHARE.match(field):
+    if share := _SHARE.match(name):
         return f"{share['stem']}_pct", _from_percent, _to_percent
-    match = _UNIT.match(field)
+    match = _UNIT.match(name)
     if match is None:
-        return field, same, same
+        return name, same, same
     if match["unit"] == "m":
         return f"{match['stem']}_mm{match['rate'] or ''}", _from_mm, _to_mm
     return f"{match['stem']}_deg{match['rate'] or ''}", radians, degrees

@@ -174,15 +174,19 @@ def predict(length, amplitude, points, alpha, queries):
     return (kernel @ (amplitude**2 * alpha).astype(jnp.float32)).astype(alpha.dtype)
 
 
+def covariance_factor(length, amplitude, points, noise, used):
+    """The Cholesky factor of the covariance of rows at points [row, 3]."""
+    scaled = SQRT3 * distances(points, points) / length * (1.0 - jnp.eye(len(noise)))
+    signal = amplitude**2 * used[:, None] * used[None] * (1.0 + scaled) * jnp.exp(-scaled)
+    return jnp.linalg.cholesky(signal + jnp.diag(noise))
+
+
 def predict_with_slope(length, amplitude, points, alpha, noise, used, queries):
     """g at queries [query, 3], its gradient [query, 3] and its variance [query].
 
     `noise` is that of each row, 1 where not `used`.
     """
-    rows = len(alpha)
-    scaled = SQRT3 * distances(points, points) / length * (1.0 - jnp.eye(rows))
-    signal = amplitude**2 * used[:, None] * used[None] * (1.0 + scaled) * jnp.exp(-scaled)
-    lower = jnp.linalg.cholesky(signal + jnp.diag(noise))
+    lower = covariance_factor(length, amplitude, points, noise, used)
     across = amplitude**2 * matern(distances(queries, points), length) * used[None]
     solved = solve_triangular(lower, across.T, lower=True)
     variance = jnp.maximum(amplitude**2 - (solved**2).sum(0), 0.0)

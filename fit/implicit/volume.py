@@ -10,13 +10,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import solve_triangular
 from jaxtyping import Float
 
 from fit.implicit.mean_errors import MeanErrors, errors_left
-from fit.implicit.process import SQRT3, distances, matern
+from fit.implicit.process import covariance_factor, distances, matern
 from fit.implicit.query import implicit_distance
 from fit.implicit.record import ImplicitFit, Mean, TriangleMesh
 from fit.optimize.batch import Program, map_lanes
@@ -115,10 +114,7 @@ def _areas(mesh: TriangleMesh) -> Float[np.ndarray, " face"]:
 
 def _integral_variance(length, amplitude, points, noise, used, surface, share):
     """Variance of the sum of share * f over surface points [sample, 3]."""
-    rows = len(noise)
-    scaled = SQRT3 * distances(points, points) / length * (1.0 - jnp.eye(rows))
-    signal = amplitude**2 * used[:, None] * used[None] * (1.0 + scaled) * jnp.exp(-scaled)
-    lower = jnp.linalg.cholesky(signal + jnp.diag(noise))
+    lower = covariance_factor(length, amplitude, points, noise, used)
     across = amplitude**2 * (matern(distances(points, surface), length) @ share) * used
     known = solve_triangular(lower, across, lower=True)
     prior = amplitude**2 * (share @ matern(distances(surface, surface), length) @ share)

@@ -109,7 +109,7 @@ def superquadric_uncertainty(
         shifts = checked_array("shared_m", shared_m(normal) if callable(shared_m) else shared_m,
                                (*shape, None))
         if not callable(shared_m):
-            _check_finite("shared_m", shifts, kept)
+            _check_shared(shifts, kept)
         moved = np.where(kept[..., None], shifts / sigma[..., None], 0.0)
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
@@ -119,12 +119,12 @@ def superquadric_uncertainty(
                                    np.zeros(len(points)))
 
 
-def _check_finite(name: str, values: np.ndarray, kept: np.ndarray) -> None:
-    """Raises ValueError where a touch that is `kept` has a value (fit, point, any) of none."""
-    bad = np.argwhere(kept & ~np.isfinite(values).all(axis=2))
+def _check_shared(shifts: np.ndarray, kept: np.ndarray) -> None:
+    """Raises ValueError where a shared error moves a touch that is `kept` by no number."""
+    bad = np.argwhere(kept & ~np.isfinite(shifts).all(axis=2))
     if len(bad):
         row, touch = bad[0]
-        raise ValueError(f"{name}: {values[row, touch].tolist()} at touch {touch} of fit {row}, "
+        raise ValueError(f"shared_m: {shifts[row, touch].tolist()} at touch {touch} of fit {row}, "
                          "should be finite numbers")
 
 

@@ -8,21 +8,18 @@ import numpy as np
 from fit.superquadric.geometry import Superquadric
 from strategies.foresight.first_touch import first_touches
 from strategies.poses.hand_poses import waypoint_poses
-from strategies.poses.waypoints import BoundingCylinder, Placement, Ring, Top
+from strategies.poses.waypoints import BoundingCylinder, Placement, Top
 from strategies.procedures.possible import check_foreseeable
 from strategies.procedures.touches import TABLE_MARGIN_M
+from strategies.ready_made import AROUND, CLOSE, RIM, RIM_TURNED
 from strategies.recovery.belief import Belief
 from strategies.recovery.upright import stand_upright
 from warpgrasp.mechanism.arm_reach import pose_reachable
 
-_RIM = Ring(count=6, tilt_rad=radians(50), roll_rad=radians(90), aim=1.0, aim_out=1.0,
-            palm_clearance_m=0.080, clearance_per_radius=0.0)
-_AROUND = Ring(count=6, tilt_rad=radians(50), palm_clearance_m=0.045, clearance_per_radius=1.0)
 POOL: tuple[Placement, ...] = (
-    _RIM, replace(_RIM, roll_rad=radians(-90), azimuth_rad=radians(30)), _AROUND,
-    replace(_AROUND, azimuth_rad=radians(30), palm_clearance_m=0.030, clearance_per_radius=0.5),
-    replace(_AROUND, aim=0.25, azimuth_rad=radians(15)),
-    replace(_AROUND, aim=0.8, azimuth_rad=radians(45)),
+    RIM, RIM_TURNED, AROUND, CLOSE,
+    replace(AROUND, aim=0.25, azimuth_rad=radians(15)),
+    replace(AROUND, aim=0.8, azimuth_rad=radians(45)),
     Top(count=2),
 )
 """Rims from two sides, rings at three heights and two distances, two from above: 38 poses."""

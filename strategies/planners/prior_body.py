@@ -12,7 +12,7 @@ from math import pi
 import numpy as np
 
 from fit.arrays import rows_of
-from fit.fit_status import FitStatus
+from fit.fit_status import is_fitted
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricOptions
 from strategies.poses.waypoints import BoundingCylinder
@@ -61,7 +61,7 @@ def planning_belief(
         covariance=np.concatenate([evidence.covariance_m2[rows], spread], 1), table_z=0.0,
         free_points=evidence.free_m[rows], free_radius=evidence.free_radius_m,
         free_mask=evidence.free_mask[rows], options=_OPTIONS)
-    good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
+    good = is_fitted(fits.status)
     guide = or_prior(fits, prior, good & within_reach(fits, prior))
     for whole, part in zip(body, guide, strict=True):
         whole[rows] = part

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from warpgrasp.spec_words import spec_words
+from warpgrasp.spec_words import number, spec_words
 
 PRIOR_MARGIN_M = 0.03
 """How far objects may reach beyond their prior, at least: three standard deviations of each of its
@@ -93,10 +93,6 @@ class BoundingBox(BoundingCylinder):
         return np.asarray(self.yaw_rad + np.round(turned / (pi / 2)) * (pi / 2))
 
 
-def _number(default: Any, low: float, high: float, doc: str) -> Any:
-    return field(default=default, metadata={"low": low, "high": high, "doc": doc})
-
-
 def _unused(default: float) -> Any:
     """A field of `Placement` that says nothing of a family, which has its own."""
     return field(default=default, init=False)
@@ -110,14 +106,14 @@ _COUNT = {"low": 1, "high": 256, "doc": "poses"}
 class Placement:
     """What every family shares: how far the palm stays away, which way the hand is turned."""
 
-    palm_clearance_m: float = _number(0.040, -0.05, 0.3, "palm to a thin object's prior cylinder")
-    clearance_per_radius: float = _number(1.5, 0.0, 5.0,
-                                          "further away by this times the radius over 20 mm")
-    roll_rad: float = _number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")
-    azimuth_rad: float = _number(0.0, -2 * pi, 2 * pi, "azimuth of the first pose")
-    tilt_rad: float = _number(radians(55), 0.0, pi, "between approach and straight down")
-    aim: float = _number(0.5, -1.0, 2.0, "height aimed at / height of the object")
-    aim_out: float = _number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
+    palm_clearance_m: float = number(0.040, -0.05, 0.3, "palm to a thin object's prior cylinder")
+    clearance_per_radius: float = number(1.5, 0.0, 5.0,
+                                         "further away by this times the radius over 20 mm")
+    roll_rad: float = number(0.0, -2 * pi, 2 * pi, "turn about the approach direction")
+    azimuth_rad: float = number(0.0, -2 * pi, 2 * pi, "azimuth of the first pose")
+    tilt_rad: float = number(radians(55), 0.0, pi, "between approach and straight down")
+    aim: float = number(0.5, -1.0, 2.0, "height aimed at / height of the object")
+    aim_out: float = number(0.0, -2.0, 2.0, "aimed off the axis, towards the hand / radius")
 
 
 @spec_words
@@ -135,9 +131,9 @@ class Column(Placement):
 
     aim: float = _unused(0.5)
     count: int = field(default=9, metadata=_COUNT)
-    levels: int = _number(3, 1, 32, "heights, evenly from `aim_low` to `aim_high`")
-    aim_low: float = _number(0.25, -1.0, 2.0, "lowest height / height of the object")
-    aim_high: float = _number(0.75, -1.0, 2.0, "highest height / height of the object")
+    levels: int = number(3, 1, 32, "heights, evenly from `aim_low` to `aim_high`")
+    aim_low: float = number(0.25, -1.0, 2.0, "lowest height / height of the object")
+    aim_high: float = number(0.75, -1.0, 2.0, "highest height / height of the object")
 
 
 @spec_words
@@ -164,8 +160,8 @@ class Random(Placement):
 
     aim: float = _unused(0.5)
     count: int = field(default=6, metadata=_COUNT)
-    aim_low: float = _number(0.25, -1.0, 2.0, "lowest height aimed at")
-    aim_high: float = _number(0.75, -1.0, 2.0, "highest height aimed at")
+    aim_low: float = number(0.25, -1.0, 2.0, "lowest height aimed at")
+    aim_high: float = number(0.75, -1.0, 2.0, "highest height aimed at")
 
 
 @spec_words
@@ -175,9 +171,9 @@ class Spiral(Placement):
 
     aim: float = _unused(0.5)
     count: int = field(default=12, metadata=_COUNT)
-    turns: float = _number(2.0, 0.0, 64.0, "times around from the first pose to the last")
-    aim_low: float = _number(0.2, -1.0, 2.0, "height aimed at first / height of the object")
-    aim_high: float = _number(0.9, -1.0, 2.0, "height aimed at last")
+    turns: float = number(2.0, 0.0, 64.0, "times around from the first pose to the last")
+    aim_low: float = number(0.2, -1.0, 2.0, "height aimed at first / height of the object")
+    aim_high: float = number(0.9, -1.0, 2.0, "height aimed at last")
 
 
 @spec_words

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.cluster.vq import kmeans2
 
 from fit.arrays import rows_of
-from fit.fit_status import FitStatus
+from fit.fit_status import is_fitted
 from fit.implicit.mesh import zero_set_meshes
 from fit.implicit.record import TriangleMesh
 from fit.superquadric.geometry import superquadric_points
@@ -99,7 +99,7 @@ def _best(placed: Evidence, label: np.ndarray, count: int, prior: BoundingCylind
         mask = np.zeros((len(label), count, len(touched)), bool)
         mask[:, :, touched] = label[:, None] == np.arange(count)[:, None]
         fits, _ = recover_bodies(replace(every, mask=mask.reshape(-1, len(touched))), None, table)
-        made = _made(fits) & plausible(fits, given, table_plane=False, whole=False)
+        made = is_fitted(fits.status) & plausible(fits, given, table_plane=False, whole=False)
         away = np.where(made[:, None], _distances(fits, points), _NOWHERE_M)
         away = away.reshape(len(label), count, -1)
         # The surface of a union: what lies within another part is no part's surface.
@@ -119,10 +119,6 @@ def _lowest(fits: SuperquadricFit) -> np.ndarray:
     """Height of the lowest place of each of the fits [m], (fit,)."""
     with np.errstate(invalid="ignore", divide="ignore"):  # where nothing was fitted
         return np.nan_to_num(superquadric_points(fits, _SURFACE_POINTS))[..., 2].min(1)
-
-
-def _made(fits: SuperquadricFit) -> np.ndarray:
-    return np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged))
 
 
 def _distances(fits: SuperquadricFit, points_m: np.ndarray) -> np.ndarray:

@@ -43,7 +43,7 @@ LAST_ITERATIONS = 24
 LEAST_FALL = 1e-5
 """A fit is left where four iterations lower its cost by less than this share. To the end of all
 descents scores move by less than 1 um in the median, in nine of ten by less than 5."""
-FARTHEST_M = 0.02
+FARTHEST_LINK_M = 0.02
 """A link farther than this from the body is no less likely than one this far."""
 
 Bodies = tuple[SuperquadricFit, Evidence]
@@ -176,7 +176,7 @@ def contacts_placed(
     field = superquadric_field(links, asked, *bodies_on(body, device), device=device)
     found = places_on_field(
         links, asked, field, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
-        turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M,
+        turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M,
         device=device)
     moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     sure = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)

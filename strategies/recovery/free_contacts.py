@@ -29,7 +29,7 @@ from strategies.contacts.shared_errors import shared_vectors
 from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, PLACED, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
-    FARTHEST_M,
+    FARTHEST_LINK_M,
     LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
@@ -156,7 +156,7 @@ def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: Touch
         links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
         place_sigma_m=FIRST_PLACE_M + trust * (PLACE_SIGMA_M - FIRST_PLACE_M),
         turn_sigma_rad=FIRST_TURN_RAD + trust * (TURN_SIGMA_RAD - FIRST_TURN_RAD),
-        farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
+        farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M)
     moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     contradiction = np.where(moved, np.where(found.chance >= SURE_LINK, found.misfit, np.inf),
                              before.contradiction)

@@ -10,7 +10,7 @@ the contacts is kept (`fit_contacts`).
 import numpy as np
 
 from fit.arrays import row_sums
-from fit.fit_status import FitStatus
+from fit.fit_status import is_fitted
 from fit.superquadric.record import SuperquadricFit
 from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.evidence import Evidence
@@ -40,7 +40,7 @@ def touch_misfit(fits: SuperquadricFit, placed: Evidence) -> np.ndarray:
     away = np.minimum(np.abs(distance), FARTHEST_M)
     count = placed.mask.sum(1)
     mean = row_sums(np.where(placed.mask, away, 0.0)) / np.maximum(count, 1)
-    good = np.isin(fits.status, (FitStatus.converged, FitStatus.not_converged)) & (count > 0)
+    good = is_fitted(fits.status) & (count > 0)
     return np.where(good, mean, np.inf)
 
 

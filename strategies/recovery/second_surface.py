@@ -22,7 +22,7 @@ from strategies.contacts.field_placing import (
 from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import (
-    FARTHEST_M,
+    FARTHEST_LINK_M,
     LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
@@ -67,7 +67,7 @@ def _moved(evidence: Evidence, links: TouchedLinks, asked: np.ndarray) -> np.nda
     found = places_on_field(
         links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
         place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
-        farthest_m=FARTHEST_M, normal_sigma_m=NORMAL_SIGMA_M)
+        farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M)
     there = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
     away = np.linalg.norm(found.point_m - evidence.points_m, axis=-1)
     return np.where(there, away, 0.0)

@@ -87,9 +87,7 @@ class Curves:
 
     @property
     def draws(self) -> int:
-        """Of how many a replicate draws: the objects, or the episodes of these objects."""
-        if self.over == "like-these":
-            return len(self.objects)
+        """Episodes of these objects that a median rests on, less one for each object but one."""
         return sum(len(set(own)) - 1 for own in self.episodes) + 1
 
 
@@ -281,10 +279,8 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
         half = (gone >= gone[:, -1:] * (0.5 - 1e-12)).argmax(axis=1)
         medians[rows] = np.where(gone[:, -1] > 0, pooled[order][half], np.nan)
     drawn = medians[1:][~np.isnan(medians[1:])]
-    low, high = np.full(2, np.nan)
-    if curves.over == "like-these" or curves.draws >= FEW:
-        low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
-    if curves.over == "like-these" and len(at) < 2:
+    low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
+    if (curves.draws < FEW) if curves.over == "these" else len(at) < 2:
         low = high = np.nan
     elif curves.over == "like-these" and np.isfinite(medians[0]):  # skewed: on a log scale
         low, high = (medians[0] * (end / medians[0]) ** widening(len(at)) for end in (low, high))

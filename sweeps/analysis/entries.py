@@ -34,6 +34,8 @@ SCORES = ("chamfer_mm", "normalized_chamfer", "hausdorff95_mm", "iou", "coverage
 CHANCES = ("recognized", "failure_rate")
 """Metrics that are 0 or 1 in an episode."""
 COSTS = ("touches", "robot_time_s", "arm_path_m")
+ROUNDING = 1e-9
+"""Share of a score that its mean over many rows may be off by."""
 _TELLING = ("object.", "stereo.")
 """Tables whose keys change what is given, or on which objects."""
 

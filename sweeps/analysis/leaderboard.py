@@ -27,6 +27,7 @@ from sweeps.analysis.entries import (
     COSTS,
     FAULTS,
     METRICS,
+    ROUNDING,
     SCORES,
     Entry,
     LeaderboardError,
@@ -65,8 +66,6 @@ _DOINGS = ("iou", "touches", "robot_time_s", "contacts")
 """Columns by which two entries are told to do the same."""
 FEW_CONTACTS = 8.0
 """Contacts of an episode, in the mean, below which hardly any fit is possible."""
-ROUNDING = 1e-9
-"""Share of a score that its mean over many rows may be off by."""
 MOST_LINES = 6
 """Of notes of one kind; the others are counted."""
 MORE = "more like that"

@@ -13,7 +13,7 @@ import numpy as np
 
 from strategies.ready_made import REFERENCE
 from sweeps.analysis.bootstrap import Estimate
-from sweeps.analysis.entries import bounds_of, digits_of, prior_column, sign_of
+from sweeps.analysis.entries import ROUNDING, bounds_of, digits_of, prior_column, sign_of
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
@@ -22,8 +22,6 @@ COST = "robot_time_s"
 FAILED = "failure_rate"
 SHORTER = 0.05
 """Share of its time by which an entry's failures may shorten it without a word."""
-ROUNDING = 1e-9
-"""Share of a score that its mean over many rows may be off by."""
 
 
 @dataclass(frozen=True)

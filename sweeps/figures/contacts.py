@@ -54,7 +54,7 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     """What the figure of one world of a block shows."""
     from strategies.recovery.choose_model import Shape
     from strategies.recovery.contact_verdict import ACCEPTED
-    from sweeps.figures.meshes import mesh_of_world, recovered_faces, true_mesh
+    from sweeps.figures.meshes import mesh_of_world, recovered_faces, turned_mesh
 
     pose = block.truth.body_pose[world]
     free_form = mesh_of_world(block, world) is not None
@@ -63,13 +63,11 @@ def contacts_shown(block: "EpisodeBlock", name: str, world: int = 0) -> Contacts
     mine = placed.mask[world]
     near = np.asarray(block.exploration.verdicts[world] == ACCEPTED)[mine]
     near |= prior  # nothing was recovered that contacts could contradict
-    yaw = 2.0 * np.arctan2(pose[5], pose[6])
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    vertices, sides = true_mesh(block.body, 48)
+    vertices, sides = turned_mesh(block.body, pose, 48)
     return ContactsShown(
         name, "given prior" if prior else "recovered surface" if free_form
         else "recovered body", prior, 1e3 * (recovered_faces(block, world) - pose[:3]),
-        (1e3 * (vertices @ turn.T))[sides], 1e3 * (placed.points_m[world][mine] - pose[:3]), near)
+        (1e3 * vertices)[sides], 1e3 * (placed.points_m[world][mine] - pose[:3]), near)
 
 
 def draw_contacts(shown: ContactsShown) -> bytes:

@@ -32,6 +32,15 @@ def true_mesh(body: Body, cells: int) -> tuple[np.ndarray, np.ndarray]:
     return _true_mesh(keyed_body(body), cells)
 
 
+def turned_mesh(body: Body, pose: np.ndarray, cells: int) -> tuple[np.ndarray, np.ndarray]:
+    """As `true_mesh`, turned about the vertical as a body at a pose (7,) is, where it stands at the
+    origin."""
+    yaw = 2.0 * np.arctan2(pose[5], pose[6])
+    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
+    vertices, faces = true_mesh(body, cells)
+    return vertices @ turn.T, faces
+
+
 @lru_cache(maxsize=16)
 def _true_mesh(keyed: KeyedBody, cells: int) -> tuple[np.ndarray, np.ndarray]:
     made = body_mesh(keyed.body, cells)

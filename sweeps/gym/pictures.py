@@ -6,7 +6,7 @@ import numpy as np
 
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
-from sweeps.figures.meshes import quadrilaterals, recovered_grid, true_mesh
+from sweeps.figures.meshes import quadrilaterals, recovered_grid, turned_mesh
 from sweeps.figures.solids import CONTACT, TRUE, direction, draw_solid, set_cube
 from sweeps.figures.style import drawing, figure
 from warpgrasp.geometry.body import Body
@@ -22,10 +22,8 @@ def picture(belief: Belief, recovered: Recovered, body: Body, body_pose: np.ndar
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     pose = body_pose[world]
-    yaw = 2.0 * np.arctan2(pose[5], pose[6])
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    vertices, _ = true_mesh(body, 24)
-    true = 1e3 * (vertices @ turn.T)
+    vertices, _ = turned_mesh(body, pose, 24)
+    true = 1e3 * vertices
     faces = 1e3 * (quadrilaterals(recovered_grid(recovered, world)) - pose[:3])
     evidence = belief.evidence
     points = 1e3 * (evidence.points_m[world][evidence.mask[world]] - pose[:3])

@@ -110,17 +110,18 @@ def bottle_rows(found: list[Followed]) -> list[tuple[str, ...]]:
             low, high = np.quantile(volume, [0.05, 0.95]) if end.any() else (np.nan, np.nan)
             rows.append((
                 f.name, way, str(len(end)), str(end.sum()),
-                *_texts(1, 1e3 * true[:, 1].max(), _median(1e3 * p.largest_radius_m[end])),
-                *_texts(0, 1e3 * true[-1, 0], _median(1e3 * p.length_m[end]),
-                        1e6 * volume_of(true), _median(volume), low, high),
-                *_texts(1, 100 * _median(f.volume_errors(way))),
+                *_texts(1, 1e3 * true[:, 1].max(), median_or_nan(1e3 * p.largest_radius_m[end])),
+                *_texts(0, 1e3 * true[-1, 0], median_or_nan(1e3 * p.length_m[end]),
+                        1e6 * volume_of(true), median_or_nan(volume), low, high),
+                *_texts(1, 100 * median_or_nan(f.volume_errors(way))),
                 str((c.by_volume[end] == f.name).sum()), str((c.matched[end] == f.name).sum())))
     return rows
 
 
+def median_or_nan(values: np.ndarray) -> float:
+    """The median of numbers; NaN of none."""
+    return float(np.median(values)) if len(values) else float("nan")
+
+
 def _texts(digits: int, *values: float) -> list[str]:
     return [number_text(float(value), digits) for value in values]
-
-
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if len(values) else float("nan")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sweeps.paper import conclusions
-from sweeps.paper.bottles import BOTTLES_HEADER, WAYS, Followed, bottle_rows
+from sweeps.paper.bottles import BOTTLES_HEADER, WAYS, Followed, bottle_rows, median_or_nan
 from sweeps.paper.contacts import FINGERTIP, TRUE_BOTH, TRUE_LINK, TRUE_POINTS, TRUE_TIP
 from sweeps.paper.exponents import exponents_said
 from sweeps.paper.faces import (
@@ -188,7 +188,7 @@ def _six_conclusions(found: list[Grasped]) -> list[str]:
            for way in ("on_distal", "on_other")}
     said = [
         conclusions.where_touched(len(off["on_distal"]), len(off["on_other"]),
-                                  _median(off["on_distal"]), _median(off["on_other"])),
+                                  median_or_nan(off["on_distal"]), median_or_nan(off["on_other"])),
         conclusions.link_or_place(told, link, tip, both, points),
         conclusions.what_limits(names, points, ours)]
     for what, contact, fits in (("With fingertips and Solina's residual", FINGERTIP,
@@ -289,7 +289,3 @@ def _spread(values: np.ndarray) -> str:
         return "too few contacts in every episode"
     low, middle, high = np.quantile(values, [0.25, 0.5, 0.75])
     return f"median {middle:.0f}, quartiles {low:.0f} to {high:.0f}, of {len(values)} fits"
-
-
-def _median(values: np.ndarray) -> float:
-    return float(np.median(values)) if len(values) else float("nan")

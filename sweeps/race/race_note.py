@@ -22,6 +22,7 @@ from sweeps.race.verdict import Verdict, claim, verdict_name
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import RACE_NOTE, read_race_note, swept_before
 from sweeps.run.store import Store
+from sweeps.text_table import six_digits
 
 
 def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
@@ -33,17 +34,17 @@ def write_race_note(logs: Path, found: Verdict, statuses: Counter[str],
     last = found.last
     sign = sign_of(found.metric)
     entries = [{
-        "label": found.labels[n], "mean": _number(sign * found.means[n]),
-        "worse_by": _number(last.difference[n]), "at_least": _number(found.at_least[n]),
+        "label": found.labels[n], "mean": six_digits(sign * found.means[n]),
+        "worse_by": six_digits(last.difference[n]), "at_least": six_digits(found.at_least[n]),
         "verdict": verdict_name(last, n), "episodes": int(found.episodes[n]),
-        "touches": _number(touches[n]),
+        "touches": six_digits(touches[n]),
         "entry": n, "stops": [] if stage else _stops(found.looks, n)} for n in found.order]
     before = read_race_note(logs) or {}
     content = {
         "swept": before.get("swept", ""), "stage": stage, "metric": found.metric,
         "over": found.over, "objects": found.objects,
         "within": found.rules.within, "confidence": found.rules.confidence,
-        "reached": found.reached, "claim": claim(found), "equal": _number(found.equal),
+        "reached": found.reached, "claim": claim(found), "equal": six_digits(found.equal),
         "rungs": [{"replicates": int(look.replicates.max()), "taking": taking,
                    "out": int(look.out.sum()), "open": int(look.open.sum())}
                   for look, taking in zip(found.looks, taking_part(found.looks), strict=True)],
@@ -93,7 +94,3 @@ def _stops(looks: tuple[Look, ...], entry: int) -> list[int]:
     """The replicates that an entry had after each rung in which it took part."""
     counts = [0, *(int(look.replicates[entry]) for look in looks)]
     return [now for then, now in pairwise(counts) if now > then]
-
-
-def _number(value: float) -> float | None:
-    return float(f"{value:.6g}") if np.isfinite(value) else None

@@ -18,6 +18,7 @@ from sweeps.analysis.pareto import columns_of
 from sweeps.output import note
 from sweeps.report.html import page, paragraph
 from sweeps.report.sections import (
+    METRIC,
     confusion_section,
     curves_section,
     leaderboard_section,
@@ -37,7 +38,6 @@ from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.plain_text import counted, first_few
 
-METRIC = "chamfer_mm"
 SCRIPTS = ("tables.js", "solids.js", "views.js", "print.js")
 MANY_FAIL = 0.2
 POPULATIONS = {"these": "these objects", "like-these": "objects like these"}
@@ -102,10 +102,10 @@ def _parts(plan: Plan, stores: Sequence[Store], board: Leaderboard, paired: Pair
                   f"First is {best['strategy']}: chamfer distance {best[METRIC]} mm "
                   f"({_interval(best, paired.over)}), IoU {best['iou']}. {_rivals(board)}", "lead"),
         "</header><main>", _warnings(board, paired, shown),
-        leaderboard_section(board, paired, METRIC), curves_section(curves),
-        pareto_section(paired, METRIC), objects_section(paired, METRIC),
-        pairs_section(paired, METRIC), confusion_section(confusion),
-        settings_section(plan, stores, METRIC), views_section(plan, shown),
+        leaderboard_section(board, paired), curves_section(curves),
+        pareto_section(paired), objects_section(paired),
+        pairs_section(paired), confusion_section(confusion),
+        settings_section(plan, stores), views_section(plan, shown),
         spec_section(_spec(stores), plan), reproduce_section(plan, _environment(stores)),
         "</main>"]
 

@@ -25,12 +25,14 @@ from sweeps.report.views import PLACES, Views
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 
+METRIC = "chamfer_mm"
+"""The score of the page, which its captions name."""
 AXIS_NAMES = {"touches": "touches", "time_s": "robot time"}
 
 
-def leaderboard_section(board: Leaderboard, paired: Paired, metric: str) -> str:
+def leaderboard_section(board: Leaderboard, paired: Paired) -> str:
     """The leaderboard as a forest plot and as a table that sorts."""
-    forest = drawing(draw_forest(paired, metric), "forest", "Mean chamfer distance by strategy",
+    forest = drawing(draw_forest(paired, METRIC), "forest", "Mean chamfer distance by strategy",
                      "Means, and differences from the best, with 95 % intervals.")
     return section("Leaderboard", paragraph(
         "All strategies meet the same objects, poses and noise. There are two 95 % intervals: "
@@ -79,37 +81,37 @@ def curves_section(curves: Curves) -> str:
                        reached.rows)), name="curves")
 
 
-def pareto_section(paired: Paired, metric: str) -> str:
+def pareto_section(paired: Paired) -> str:
     """Error against robot time."""
-    found = pareto_table(paired, metric)
+    found = pareto_table(paired, METRIC)
     return section("Error and robot time", drawing(
-        draw_pareto(paired, metric), "pareto-plot", "Error against robot time",
+        draw_pareto(paired, METRIC), "pareto-plot", "Error against robot time",
         "Coloured: on the front, no other strategy is better in both."), details(
         "As a table", table("Error against robot time", found.header, found.rows)),
         *(paragraph(note) for note in found.notes if note not in paired.notes), name="pareto")
 
 
-def objects_section(paired: Paired, metric: str) -> str:
+def objects_section(paired: Paired) -> str:
     """Medians by object, and a closed part with the whole table."""
-    medians = np.array([[np.median(values[:, n]) for values in paired.values[metric]]
+    medians = np.array([[np.median(values[:, n]) for values in paired.values[METRIC]]
                         for n in range(len(paired.labels))])
     tints = _heat(medians)
     rows = [(label, *(f"{v:.2f}" if np.isfinite(v) else "NA" for v in row))
             for label, row in zip(paired.labels, medians, strict=True)]
-    full = objects_table(paired, metric)
+    full = objects_table(paired, METRIC)
     return section("Object by object", table(
-        f"Median {UNITS[metric]} over episodes; a stronger tint is worse",
+        f"Median {UNITS[METRIC]} over episodes; a stronger tint is worse",
         ("strategy", *paired.objects), rows, heat=[("", *row) for row in tints]),
         details("With intervals and costs", table(
             f"Medians with 95 % intervals; {', '.join(ALSO)} are means", full.header, full.rows,
             row_names=1)), name="objects")
 
 
-def pairs_section(paired: Paired, metric: str) -> str:
+def pairs_section(paired: Paired) -> str:
     """Tests of each entry against the best; nothing where no entry has a value."""
-    if len(paired.labels) < 2 or not np.isfinite(paired.means[metric][0]).any():
+    if len(paired.labels) < 2 or not np.isfinite(paired.means[METRIC][0]).any():
         return ""
-    made = pairs_table(paired, metric, "best")
+    made = pairs_table(paired, METRIC, "best")
     return section("Is the difference real?", paragraph(
         "p_objects (Wilcoxon's signed-rank test over objects) generalizes to other objects, "
         "p_episodes (a t-test within objects) to other episodes with these; _holm is corrected "
@@ -133,16 +135,16 @@ def confusion_section(found: Confusion) -> str:
                             counts.rows)), name="recognition")
 
 
-def settings_section(plan: Plan, stores: Sequence[Store], metric: str) -> str:
+def settings_section(plan: Plan, stores: Sequence[Store]) -> str:
     """The effect of each swept factor."""
     if not plan.study.axes:
         return ""
-    paired = read_settings(plan, stores, metric)
-    found = settings_table(plan, paired, metric)
+    paired = read_settings(plan, stores, METRIC)
+    found = settings_table(plan, paired, METRIC)
     return section("Swept factors", drawing(
-        draw_levels(plan, paired, metric), "levels-plot", "Error against each swept factor",
+        draw_levels(plan, paired, METRIC), "levels-plot", "Error against each swept factor",
         "Means over the other factors, with 95 % intervals."), drawing(
-        draw_settings(plan, paired, metric), "settings-plot", "Means by level of each factor",
+        draw_settings(plan, paired, METRIC), "settings-plot", "Means by level of each factor",
         "Means; the tint is the difference from the strategy's mean."), paragraph(
         "spread is the largest level mean minus the smallest, with the interval of that "
         "difference, which holds for all levels together; share is the factor's part "

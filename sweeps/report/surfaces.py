@@ -68,18 +68,16 @@ class SurfacesShown:
 
 def surfaces_shown(block: "EpisodeBlock", name: str, world: int = 0) -> SurfacesShown:
     """What the figure of one world of a block shows."""
-    from sweeps.figures.meshes import mesh_of_world, recovered_faces, true_mesh
+    from sweeps.figures.meshes import mesh_of_world, recovered_faces, turned_mesh
 
     pose = block.truth.body_pose[world]
-    yaw = 2.0 * np.arctan2(pose[5], pose[6])
-    turn = np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
-    vertices, sides = true_mesh(block.body, 48)
+    vertices, sides = turned_mesh(block.body, pose, 48)
     faces = recovered_faces(block, world)
     sigma = surface_sigma(block, faces.mean(1), world)
     made = "recovered" if sigma is not None or mesh_of_world(block, world) else "prior"
     placed = block.exploration.placed
     points = placed.points_m[world][placed.mask[world]]
-    return SurfacesShown(name, made, (1e3 * (vertices @ turn.T))[sides], 1e3 * (faces - pose[:3]),
+    return SurfacesShown(name, made, (1e3 * vertices)[sides], 1e3 * (faces - pose[:3]),
                          sigma, 1e3 * (points - pose[:3]))
 
 

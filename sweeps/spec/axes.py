@@ -1,7 +1,7 @@
 """The `[sweep]` of a spec: grid, zip, Sobol and Latin hypercube axes over dotted keys."""
 
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -10,7 +10,16 @@ import numpy as np
 from strategies.strategy import BUDGET_KEYS, Strategy
 from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import check_swept_order
-from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, choose, short
+from sweeps.spec.errors import (
+    KeyPath,
+    Problem,
+    Problems,
+    Reader,
+    SpecError,
+    choose,
+    is_refused,
+    short,
+)
 from sweeps.spec.named_files import UNSWEPT
 from sweeps.spec.strategies import is_option, read_names
 from sweeps.spec.study import WORDS, Axis
@@ -19,7 +28,6 @@ from sweeps.spec.units import spec_fields
 KINDS = ("grid", "zip", "sobol", "lhs")
 POINT_LIMIT = 10**5  # points of one sampled axis
 SETTABLE = ("seed", "episodes_per_cell", "keep", "name")
-Reader = Callable[[Any, KeyPath, Problems], Any]
 
 
 def read_axes(sweep: Any, extra_grid: Mapping[str, list[Any]],
@@ -273,7 +281,7 @@ def _range(value: Any, path: KeyPath, reader: Reader, problems: Problems) -> _Ra
     if len(problems.found) > before:
         return None
     between = [v + 0.5 for v in lows]
-    whole = all(isinstance(v, int) for v in (*lows, *highs)) and _refused(
+    whole = all(isinstance(v, int) for v in (*lows, *highs)) and is_refused(
         reader, between if listed else between[0])
     return _Range(lows, highs, whole, listed)
 
@@ -283,12 +291,6 @@ def _numbers(value: Any) -> bool:
     if isinstance(value, list):
         return bool(value) and all(type(v) in (int, float) for v in value)
     return type(value) in (int, float)
-
-
-def _refused(reader: Reader, value: Any) -> bool:
-    trial = Problems("", {})
-    reader(value, (), trial)
-    return bool(trial.found)
 
 
 def _frozen(values: list[Any]) -> list[Any]:

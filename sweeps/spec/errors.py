@@ -1,6 +1,6 @@
 """Errors of specs and studies. All problems of a spec are reported at once, each with its line."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
@@ -60,6 +60,17 @@ class Problems:
         line = next((self.lines[path[:n]] for n in range(len(path), -1, -1)
                      if path[:n] in self.lines), 1)
         self.found.append(Problem(f"{self.file}:{line}", dotted(path), what))
+
+
+Reader = Callable[[Any, KeyPath, Problems], Any]
+"""Reads the value of a key, and notes what is wrong with it."""
+
+
+def is_refused(reader: Reader, value: Any) -> bool:
+    """Whether a reader finds something wrong with a value."""
+    trial = Problems("", {})
+    reader(value, (), trial)
+    return bool(trial.found)
 
 
 def dotted(path: KeyPath) -> str:

@@ -16,7 +16,17 @@ from pathlib import Path
 from typing import Any
 
 from strategies.strategy import Strategy
-from sweeps.spec.errors import KeyPath, Problem, Problems, SpecError, StoreError, choose, short
+from sweeps.spec.errors import (
+    KeyPath,
+    Problem,
+    Problems,
+    Reader,
+    SpecError,
+    StoreError,
+    choose,
+    is_refused,
+    short,
+)
 from sweeps.spec.study import WORDS, Axis, Study
 
 COUNTS = {"trials": (60, 2, 100_000), "round": (20, 2, 10_000), "finalists": (10, 2, 1000),
@@ -188,16 +198,10 @@ def _factor(key: str, value: Any, earlier: Sequence[Factor], readers: Mapping[st
     return found if len(problems.found) == before else None
 
 
-def _is_whole(reader: Any, low: float, high: float) -> bool:
+def _is_whole(reader: Reader, low: float, high: float) -> bool:
     """Whether a key takes the whole number `low`, and no fraction above it."""
     between = low + 0.5 * min(1, high - low)
-    return low == int(low) and not _refused(reader, int(low)) and _refused(reader, between)
-
-
-def _refused(reader: Any, value: Any) -> bool:
-    trial = Problems("", {})
-    reader(value, (), trial)
-    return bool(trial.found)
+    return low == int(low) and not is_refused(reader, int(low)) and is_refused(reader, between)
 
 
 def _after(factor: Factor, steps: int) -> float:

@@ -12,7 +12,7 @@ from scipy.spatial import KDTree
 
 from sweeps.validate.comparison import Comparison, engine
 from warpgrasp.export.convex_solids import object_solids
-from warpgrasp.geometry.body import Body, Part, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, Part, distances_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.catalogue_names import BODY_NAMES
@@ -44,11 +44,6 @@ def compare_distances() -> list[Comparison]:
     rows += _superquadrics()
     rows += _grids(trimesh)
     return rows
-
-
-def _distance(body: Body, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    value, slope = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), points[None])
-    return value[0], slope[0]
 
 
 def _points(body: Body, count: int = POINTS, reach: float = 0.03) -> np.ndarray:
@@ -106,7 +101,7 @@ def _inside(corner: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 def _values(name: str, body: Body, points: np.ndarray, theirs: np.ndarray,
             how: str) -> Comparison:
-    ours, _ = _distance(body, points)
+    ours, _ = distances_of(body)(points)
     return Comparison("distances", f"{name}: largest of {len(points)} points", "m",
                       float(np.abs(ours).mean()), float(np.abs(theirs).mean()),
                       float(np.abs(ours - theirs).max()), NEAR_M, how)
@@ -118,7 +113,7 @@ def _lipschitz(name: str, body: Body, points: np.ndarray) -> Comparison:
     size = 10.0 ** rng.uniform(-6, -1, len(points))
     step = rng.normal(size=points.shape)
     other = points + step / np.linalg.norm(step, axis=1, keepdims=True) * size[:, None]
-    a, b = _distance(body, points)[0], _distance(body, other)[0]
+    a, b = distances_of(body)(points)[0], distances_of(body)(other)[0]
     ratio = (np.abs(a - b) / np.linalg.norm(points - other, axis=1)).max()
     return Comparison("distances", f"{name}: steepest of {len(points)} pairs of points", "m/m",
                       float(ratio), 1.0, max(float(ratio) - 1.0, 0.0), 1e-8, "1-Lipschitz")
@@ -126,8 +121,8 @@ def _lipschitz(name: str, body: Body, points: np.ndarray) -> Comparison:
 
 def _slopes(name: str, body: Body, points: np.ndarray) -> Comparison:
     """Gradients by central differences, where the distance is smooth over the step."""
-    ours = _distance(body, points)[1]
-    numeric, smooth = _differences(lambda p: _distance(body, p)[0], points)
+    ours = distances_of(body)(points)[1]
+    numeric, smooth = _differences(lambda p: distances_of(body)(p)[0], points)
     error = np.abs(ours - numeric).max(1)[smooth]
     return Comparison("distances", f"{name}: gradient, largest of {smooth.sum()} points", "m/m",
                       nan, nan, float(error.max()), SLOPE, "central differences")
@@ -153,7 +148,7 @@ def _superquadrics() -> list[Comparison]:
             "size_mm": [25, 35, 50], "exponents": list(exponents)}}, Path())
         points = _points(body)
         true = _dense(body, points)
-        ours, _ = _distance(body, points)
+        ours, _ = distances_of(body)(points)
         outside = ours > 0.0
         over = np.maximum((ours - true)[outside], 0.0).max()
         near = outside & (np.abs(true - 0.008) < 0.001)
@@ -191,20 +186,20 @@ def _grids(trimesh: Any) -> list[Comparison]:
             baked = body_from_mesh(file, units="m")
         cell = baked.parts[0].grid_cell_m
         points = _points(body, reach=0.012)
-        exact, _ = _distance(body, points)
+        exact, _ = distances_of(body)(points)
         near = np.abs(exact) < 0.010
-        ours, slope = _distance(baked, points[near])
+        ours, slope = distances_of(baked)(points[near])
         error = np.abs(ours - exact[near]) / cell
         rows.append(Comparison("distances", f"{name}, baked: within 10 mm, p99", "cells",
                                float(np.abs(ours).mean() / cell),
                                float(np.abs(exact[near]).mean() / cell),
                                float(np.quantile(error, 0.99)), GRID_CELLS,
                                f"cell {1e3 * cell:.2f} mm; largest {error.max():.2g} cells"))
-        numeric, smooth = _differences(lambda p, b=baked: _distance(b, p)[0], points[near])
+        numeric, smooth = _differences(lambda p, b=baked: distances_of(b)(p)[0], points[near])
         rows.append(Comparison("distances", f"{name}, baked: gradient of the interpolant", "m/m",
                                nan, nan, float(np.abs(slope - numeric).max(1)[smooth].max()),
                                SLOPE, "central differences"))
-        true = _distance(body, points[near])[1]
+        true = distances_of(body)(points[near])[1]
         off = np.degrees(np.arccos(np.clip(
             (slope * true).sum(1) / np.linalg.norm(slope, axis=1), -1, 1)))
         rows.append(Comparison("distances", f"{name}, baked: direction of the gradient, p95",

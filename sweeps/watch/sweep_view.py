@@ -20,6 +20,7 @@ from sweeps.analysis.paired import failure_score
 from sweeps.figures.style import order_of
 from sweeps.run.plan import Plan, Unit, cell_hash
 from sweeps.run.store import Store
+from sweeps.text_table import six_digits
 from sweeps.watch.any_time import Mean, alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
 from sweeps.watch.state import (
@@ -227,11 +228,11 @@ class SweepView:
         touches = np.concatenate([rows.touches for found in self.found[n].values()
                                   for rows in found.rows])
         known = np.isfinite(touches)
-        return Row(self.entries[n].label, _rounded(mean.value),
-                   _rounded(max(mean.value - half, lowest)),
-                   _rounded(min(mean.value + half, highest)), _rounded(behind), verdict,
+        return Row(self.entries[n].label, six_digits(mean.value),
+                   six_digits(max(mean.value - half, lowest)),
+                   six_digits(min(mean.value + half, highest)), six_digits(behind), verdict,
                    sum(len(part.values) for part in scores[n].values()), len(scores[n]),
-                   _rounded(touches[known].mean()) if known.any() else None)
+                   six_digits(touches[known].mean()) if known.any() else None)
 
     def _worst(self) -> dict[int, float]:
         """What an episode without a score counts as on each object that has any."""
@@ -257,7 +258,3 @@ class SweepView:
         for row, curve in zip(shown, mean_errors(steps), strict=True):
             if curve:
                 yield row.label, curve
-
-
-def _rounded(value: float) -> float | None:
-    return float(f"{value:.6g}") if np.isfinite(value) else None

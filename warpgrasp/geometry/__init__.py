@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "body": ["Body", "BodyError", "Part", "distance_to_bodies", "scene_of",
+    "body": ["Body", "BodyError", "Part", "distance_to_bodies", "distances_of", "scene_of",
         "signed_distance_to_bodies"],
     "body_sampling": ["GROUP", "BodySample", "KeyedBody", "body_lowered", "keyed_body",
         "sample_body"],

@@ -1,7 +1,7 @@
 """Bodies on the host: what an object is made of, its extent and content, and the kernels' scene."""
 
 import hashlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -138,6 +138,18 @@ def distance_to_bodies(
     """
     values = _asked(distance_kernel, vec4, scene, body, points_m, device)
     return values[..., 3], values[..., :3]
+
+
+def distances_of(body: Body) -> Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """`distance_to_bodies` of one body, as a function of points (point, 3) in its frame: signed
+    distances [m], (point,), and gradients, (point, 3)."""
+    scene = scene_of([body], "cpu")
+
+    def distances(points_m: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        found, slope = distance_to_bodies(scene, np.zeros(1, int), points_m[None])
+        return found[0], slope[0]
+
+    return distances
 
 
 def signed_distance_to_bodies(

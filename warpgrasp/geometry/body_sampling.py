@@ -13,7 +13,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import KDTree
 
-from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, BodyError, distances_of
 from warpgrasp.geometry.scene import Join
 from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 
@@ -168,12 +168,7 @@ def _dense(
         points, distance, box = _cell_distances(body, 0.5 * (box * inside / len(points)) ** (1 / 3))
         inside = int((distance < 0.0).sum())
     volume = box * inside / len(points)
-    scene = scene_of([body], "cpu")
-
-    def distances(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found, slope = distance_to_bodies(scene, np.zeros(1, int), at[None])
-        return found[0], slope[0]
-
+    distances = distances_of(body)
     low, high = _box(body)
     on = surface_crossings(distances, low, high, sobol_points(log2_lines)[:, :2])
     # Where parts meet face to face is no surface.
@@ -215,8 +210,7 @@ def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
 def _box_distances(body: Body) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
     low, high = _box(body)
     points = low + sobol_points(_LOG2_POINTS) * (high - low)
-    d, g = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), points[None])
-    return points, d[0], g[0], float(np.prod(high - low))
+    return points, *distances_of(body)(points), float(np.prod(high - low))
 
 
 def _cell_distances(body: Body, layer_m: float) -> tuple[np.ndarray, np.ndarray, float]:
@@ -225,17 +219,16 @@ def _cell_distances(body: Body, layer_m: float) -> tuple[np.ndarray, np.ndarray,
     every cell."""
     low, high = _box(body)
     side = (high - low) / _CELLS
-    scene = scene_of([body], "cpu")
+    distances = distances_of(body)
     corner = low + side * np.indices((_CELLS,) * 3).reshape(3, -1).T
-    distance = distance_to_bodies(scene, np.zeros(1, int), (corner + 0.5 * side)[None])[0][0]
+    distance, _ = distances(corner + 0.5 * side)
     # No distance reaches beyond the surface, so that nothing is left out.
     corner = corner[distance < 0.5 * np.linalg.norm(side) + layer_m]
     each = max(0, _LOG2_POINTS - int(np.log2(len(corner))))
     # Moved in each cell: a rod may pass many cells in the same way.
     moved = np.arange(len(corner))[:, None] * _EVEN
     points = (corner + side * ((sobol_points(each)[:, None] + moved) % 1.0)).reshape(-1, 3)
-    distance = distance_to_bodies(scene, np.zeros(1, int), points[None])[0][0]
-    return points, distance, float(np.prod(side)) * len(corner)
+    return points, distances(points)[0], float(np.prod(side)) * len(corner)
 
 
 def sobol_points(log2_count: int) -> np.ndarray:
@@ -273,18 +266,17 @@ def body_lowered(body: Body) -> Body:
     cell = float(np.max(np.subtract(body.high_m, body.low_m))) * 0.03
     near = np.abs(distance) < cell
     on = points[near] - distance[near, None] * gradient[near]
-    scene = scene_of([body], "cpu")
+    distances = distances_of(body)
     for _ in range(6):
-        d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
-        on = on - d[0, :, None] * g[0]
-    d, g = distance_to_bodies(scene, np.zeros(1, int), on[None])
-    is_on = np.abs(d[0]) < _ON_M
+        d, g = distances(on)
+        on = on - d[:, None] * g
+    d, g = distances(on)
+    is_on = np.abs(d) < _ON_M
     if any(part.join != Join.UNION for part in body.parts):
         # Where a tool is flush with a face that it cuts away, the formula is zero beside no solid.
-        beside = [on - 2.0 * _ON_M * g[0], *(on + 2.0 * _ON_M * np.array(way)
-                                             for way in product((-1.0, 1.0), repeat=3))]
-        solid = distance_to_bodies(scene, np.zeros(len(beside), int), np.stack(beside))[0] < 0.0
-        is_on &= solid.any(axis=0)
+        beside = [on - 2.0 * _ON_M * g, *(on + 2.0 * _ON_M * np.array(way)
+                                          for way in product((-1.0, 1.0), repeat=3))]
+        is_on &= np.any([distances(places)[0] < 0.0 for places in beside], axis=0)
     on = on[is_on]
     low, high = on.min(0), on.max(0)
     shift = np.array([(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]])

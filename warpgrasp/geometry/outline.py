@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, distances_of
 from warpgrasp.geometry.body_sampling import KeyedBody, keyed_body, sample_body
 
 DIRECTIONS = 256
@@ -35,12 +35,7 @@ def radius_around(body: Body) -> float:
 @lru_cache(maxsize=64)
 def _outline(keyed: KeyedBody) -> np.ndarray:
     body = keyed.body
-    scene = scene_of([body], "cpu")
-
-    def distance(at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        found, slope = distance_to_bodies(scene, np.zeros(1, int), at[None])
-        return found[0], slope[0]
-
+    distance = distances_of(body)
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     way = np.stack([np.cos(angle), np.sin(angle), np.zeros(DIRECTIONS)], 1)
     surface = sample_body(body, surface=None).surface_m

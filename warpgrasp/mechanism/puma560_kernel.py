@@ -154,13 +154,13 @@ def _flipped(wrist: vec3, branch: int):
 
 
 @wp.func
-def puma_inverse(arm: Arm, flange: transform, branch: int, wrist_hint: real):
+def puma_inverse(arm: Arm, flange: transform, branch: int):
     """Joint angles of one of the eight branches (bits: lefty, elbow, flip), NaN out of reach.
 
-    In the wrist singularity, where only q4 + q6 is fixed, q4 is taken from `wrist_hint`.
+    In the wrist singularity, where only q4 + q6 is fixed, q4 of a wrist not flipped is 0.
     """
     q = _arm_angles(arm, _wrist_place(arm, wp.transform_get_translation(flange)), branch)
-    w = _flipped(_wrist_angles(q, wp.transform_get_rotation(flange), wrist_hint), branch)
+    w = _flipped(_wrist_angles(q, wp.transform_get_rotation(flange), ZERO), branch)
     return vec7(q[0], q[1], q[2], w[0], w[1], w[2], ZERO)
 
 
@@ -245,7 +245,7 @@ def _inverse_kernel(
     q: wp.array2d[vec7],
 ):
     i, branch = wp.tid()
-    q[i + first, branch] = puma_inverse(arm, flange[i + first], branch, ZERO)
+    q[i + first, branch] = puma_inverse(arm, flange[i + first], branch)
 
 
 @wp.kernel(enable_backward=False)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 
 from warpgrasp.core.cache_file import cache_root, read_cached, write_cached
-from warpgrasp.geometry.body import Body, Part, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, Part, distances_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.geometry.sdf_grid import GRID_MARGIN_M
 
@@ -34,8 +34,7 @@ def baked_body(
     # The error is measured where contacts happen: within two cells of the surface.
     near = _nodes_near(body)
     near = near[:: max(1, len(near) // _TRIED)] + 0.5 * cell * np.array([1.0, 0.7, 0.4])
-    found, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), near[None])
-    error = float(np.quantile(np.abs(found[0] - distance(near)), 0.99))
+    error = float(np.quantile(np.abs(distances_of(body)(near)[0] - distance(near)), 0.99))
     return _body(grid, low - GRID_MARGIN_M, cell, low, high, error)
 
 
@@ -48,9 +47,8 @@ def volumes_m3(body: Body, distance: Distance) -> tuple[float, float]:
     deep = int((grid <= -2 * cell).sum())
     sample = band[:: max(1, len(band) // _VOLUME_POINTS)]
     sample = sample + np.random.default_rng(0).uniform(-cell / 2, cell / 2, sample.shape)
-    baked, _ = distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), sample[None])
     held, wanted = (cell**3 * (deep + len(band) * float((d < 0.0).mean()))
-                    for d in (baked[0], distance(sample)))
+                    for d in (distances_of(body)(sample)[0], distance(sample)))
     return held, wanted
 
 

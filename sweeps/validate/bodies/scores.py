@@ -41,7 +41,7 @@ from sweeps.validate.bodies.dense_scores import (
 from sweeps.validate.bodies.scan_meshes import scan_meshes
 from sweeps.validate.comparison import Comparison, engine
 from warpgrasp.export.convex_solids import object_solids
-from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, distance_to_bodies, distances_of, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_import import body_from_mesh, mesh_triangles
@@ -193,10 +193,10 @@ def _surface_of(body: Body) -> TriangleMesh:
 
 def _onto(body: Body, points: np.ndarray) -> np.ndarray:
     """Points beside the zero set of a body's distances, moved onto it by two steps of Newton's."""
-    scene = scene_of([body], "cpu")
+    distances = distances_of(body)
     for _ in range(2):
-        signed, slope = distance_to_bodies(scene, np.zeros(1, int), points[None])
-        points = points - (signed / np.maximum((slope**2).sum(-1), 0.25))[0, :, None] * slope[0]
+        signed, slope = distances(points)
+        points = points - (signed / np.maximum((slope**2).sum(-1), 0.25))[:, None] * slope
     return points
 
 

@@ -71,6 +71,20 @@ def test_rotation_about_a_symmetry_axis_is_uncertain() -> None:
     assert np.isfinite(known.covariance).all()
 
 
+@pytest.mark.parametrize("noise", [1e-4, 3e-4])
+def test_noise_that_is_not_given_is_that_of_the_residuals(noise: float) -> None:
+    """All touches are off by as much; eleven parameters take their part of it."""
+    rng = np.random.default_rng(6)
+    body, count = standing_bodies(4, rng), 60
+    points = touches(body, count, 0.0, rng)
+    covariance = np.tile(noise**2 * count / (count - 11) * np.eye(3), (4, count, 1, 1))
+    known = superquadric_uncertainty(body, points, covariance=covariance, sigma_floor_m=0.0)
+    _, normal = surface_distance(body, points)
+    off = noise * np.where(np.arange(count) % 2, 1.0, -1.0)[:, None] * normal
+    found = superquadric_uncertainty(body, points + off)
+    np.testing.assert_allclose(found.log_volume_std, known.log_volume_std, rtol=0.1)
+
+
 def test_padding_changes_no_bit() -> None:
     rng = np.random.default_rng(3)
     body = standing_bodies(6, rng)

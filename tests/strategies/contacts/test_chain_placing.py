@@ -22,7 +22,7 @@ from strategies.contacts.finger_touch import TouchedLinks, no_links
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.fit_contacts import (
-    FARTHEST_M,
+    FARTHEST_LINK_M,
     LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
@@ -55,7 +55,7 @@ def placed(links: TouchedLinks, asked: np.ndarray, distance: np.ndarray, normal:
            ) -> FieldPlaces:
     return places_on_field(
         links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
-        place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_M,
+        place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_LINK_M,
         normal_sigma_m=NORMAL_SIGMA_M)
 
 

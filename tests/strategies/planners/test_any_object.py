@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from beliefs import belief
 
-from strategies.planners.any_object import AnyObject, _Asked, _made
+from strategies.foresight.occupancy import Prospect
+from strategies.planners.any_object import LOOKED_AT, AnyObject, _Asked, _made
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block, run_episodes
@@ -33,6 +34,20 @@ def test_options_out_of_range_are_named() -> None:
         AnyObject(candidates=1)
     with pytest.raises(ValueError, match="paths is 'wide'; should be 'in-turn' or 'matched'"):
         AnyObject(paths="wide")
+
+
+def test_a_first_look_keeps_the_poses_that_promise_most_in_their_order() -> None:
+    rng = np.random.default_rng(1)
+    gain = rng.uniform(size=(2, LOOKED_AT + 40, 4))
+    poses = np.tile(np.arange(gain.shape[1], dtype=float)[:, None], (2, 1, 7))
+    kept = AnyObject._best_looking(poses, 0.0, np.ones(2, bool), lambda some, wanted: Prospect(
+        np.zeros(some.shape[:2]), gain, np.zeros((*gain.shape, 3))))[..., 0].astype(int)
+    for world, numbers in enumerate(kept):
+        best = np.argsort(gain[world].sum(1))[-LOOKED_AT:]
+        assert numbers.tolist() == sorted(best)
+    few = poses[:, :LOOKED_AT]
+    assert AnyObject._best_looking(few, 0.0, np.ones(2, bool),
+                                   lambda *_: pytest.fail("nothing is left out")) is few
 
 
 @pytest.mark.slow

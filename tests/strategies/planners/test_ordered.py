@@ -3,8 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
+from beliefs import belief
 
+from strategies.planners.ordered import OrderedPlanner
+from strategies.planners.probes import CrossFaces, FollowContour, Grasp
 from strategies.poses.waypoints import Ring
+from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
 from sweeps.spec.cell import Cell
@@ -15,6 +20,17 @@ CURVE = "curve_touches"
 
 def rows(strategy: Strategy, name: str = "block") -> dict[str, np.ndarray]:
     return run_episodes(Cell(strategy, {"name": name}, name, seed=4), np.arange(3), "cpu")
+
+
+@pytest.mark.parametrize("order", [
+    ("containment", "planar", "contour"), ("contour", "containment"), ("planar", "containment")])
+def test_procedures_are_asked_for_in_their_order(order: tuple[str, ...]) -> None:
+    asked = {"containment": Grasp, "planar": CrossFaces, "contour": FollowContour}
+    planner = OrderedPlanner(replace(RING, order=order), PlanarTable(), ContourTable(),
+                             DecideTable())
+    steps = [planner(belief()) for _ in order]
+    assert [[type(probe) for probe in step] for step in steps] == [[asked[name]] for name in order]
+    assert planner(belief()) == []
 
 
 def test_a_budget_of_time_ends_a_sequence_that_is_fitted_once() -> None:

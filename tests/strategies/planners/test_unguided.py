@@ -6,13 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from beliefs import belief
+from scipy.spatial.transform import Rotation
 
 from strategies.planners.adaptive import GreedyCoverage
 from strategies.planners.from_strategy import fits_on_way
 from strategies.planners.probes import Grasp
 from strategies.planners.register import Planner
 from strategies.planners.registry import make_planner
-from strategies.planners.unguided import EvenPoses, RandomPose, Unguided
+from strategies.planners.unguided import EvenPoses, RandomPose, Unguided, far_from_taken
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.belief import Belief
 from sweeps.episode.episodes import run_episodes
@@ -37,6 +38,18 @@ def test_even_poses_take_the_farthest_first_and_none_twice() -> None:
         apart = np.linalg.norm(chosen[world, :, None, :3] - chosen[world, None, :, :3], axis=-1)
         turned = np.abs(np.einsum("ik,jk->ij", chosen[world, :, 3:], chosen[world, :, 3:])) < 0.999
         assert ((apart > 0.01) | turned | np.eye(6, dtype=bool)).all()
+
+
+def test_poses_are_apart_by_place_approach_and_half_of_the_turn_about_it() -> None:
+    """A tenth of a metre counts as much as a radian."""
+    rng = np.random.default_rng(2)
+    turn = Rotation.random(12, rng).as_matrix()
+    poses = np.concatenate([rng.normal(0.0, 0.1, (12, 3)), Rotation.from_matrix(turn).as_quat()], 1)
+    taken = np.arange(12) < 3
+    place = np.concatenate([10.0 * poses[:, :3], turn[:, :, 2], 0.5 * turn[:, :, 0]], axis=1)
+    expected = [min(np.linalg.norm(one - other) for other in place[taken]) for one in place]
+    np.testing.assert_allclose(far_from_taken(poses[None], taken[None])[0], expected, atol=1e-12)
+    assert (far_from_taken(poses[None], np.zeros((1, 12), bool)) == 1.0).all()
 
 
 def test_random_draws_depend_on_world_and_step_alone() -> None:

@@ -42,6 +42,20 @@ def test_distances_are_those_of_the_geometry() -> None:
     assert np.quantile(np.abs(by_gradient - wanted), 0.999) < 1e-8
 
 
+def test_a_point_lies_by_its_radial_distance_beyond_the_surface() -> None:
+    body = bodies()
+    straight = body._replace(taper=np.zeros_like(body.taper), bend=np.zeros_like(body.bend))
+    points = points_about(straight)
+    radial = radial_distances(straight, points, np.ones(points.shape[:2], bool))
+    middle = straight.position_m[:, None]
+    out = points - middle
+    length = np.linalg.norm(out, axis=-1)
+    on = middle + (1.0 - radial / length)[..., None] * out
+    np.testing.assert_allclose(superquadric_inside_outside(straight, on), 1.0, rtol=1e-6)
+    assert (radial < length).all()  # on this side of the centre
+    assert ((radial > 0.0) == (superquadric_inside_outside(straight, points) > 1.0)).all()
+
+
 def test_a_world_depends_on_nothing_beside_it_and_points_not_asked_for_are_far() -> None:
     body = bodies()
     points = points_about(body)

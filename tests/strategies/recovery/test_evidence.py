@@ -10,6 +10,8 @@ from strategies.procedures.touches import MissedTips, TouchLog
 from strategies.recovery import fit_contacts as recovery
 from strategies.recovery.evidence import (
     FREE_TIPS,
+    NORMAL_SIGMA_M,
+    TANGENT_SIGMA_M,
     evidence_from_touches,
     joined_evidence,
     no_evidence,
@@ -45,6 +47,21 @@ def test_only_lines_that_met_nothing_are_free() -> None:
     without, _ = evidence_from_touches(log.table(), None, 3, 4, LIKE, HandTable())
     assert without.free_m.shape[1] == 0
     np.testing.assert_array_equal(without.points_m, found.points_m)
+
+
+def test_a_pad_tells_a_place_best_along_its_normal() -> None:
+    """Skin gives along the normal; across it the touch may be anywhere on the pad."""
+    normal = np.array([2.0, -1.0, 2.0]) / 3.0
+    touch = line([ProbeStatus.CONTACT])
+    touch.normal[0] = normal
+    log = TouchLog(4)
+    log.add(np.array([0]), touch, np.array([0]), np.zeros(1, int), 0, 0)  # pyright: ignore
+    found, _ = evidence_from_touches(log.table(), None, 1, 2, LIKE, HandTable())
+    covariance = found.covariance_m2[0, 0]
+    np.testing.assert_allclose(covariance @ normal, NORMAL_SIGMA_M**2 * normal)
+    for across in ([1.0, 2.0, 0.0], [-1.0, 0.0, 1.0]):
+        np.testing.assert_allclose(covariance @ across, TANGENT_SIGMA_M**2 * np.array(across),
+                                   atol=1e-20)
 
 
 def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:

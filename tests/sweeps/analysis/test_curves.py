@@ -15,7 +15,7 @@ from curved_episodes import (
 )
 from studies import plan_of
 
-from sweeps.analysis.bootstrap import object_weights
+from sweeps.analysis.bootstrap import REPLICATES, object_weights
 from sweeps.analysis.curves import (
     Curves,
     _completed,
@@ -231,6 +231,17 @@ def test_reach_by_hand(study: tuple[Plan, Store]) -> None:
     assert {row["within_mm"] for row in table_rows(reach_table(curves))} == {"5", "3"}
 
 
+def curves_over(over: str, *counts: int) -> Curves:
+    """One entry, whose episodes, so many on each object, reach 5 mm after 20 touches and more."""
+    episodes = [[(0, n) for n in range(count)] for count in counts]
+    drawn = (object_weights(1, len(counts)) if over == "like-these"
+             else np.ones((1 + REPLICATES, len(counts))))
+    return Curves((Entry(0, "one", {}),), tuple("abc"[:len(counts)]),
+                  {"touches": [[[(np.array([20.0 + n]), np.array([4.0])) for _, n in own]]
+                               for own in episodes]}, [], episodes,
+                  _weights(1, episodes, over), drawn, over, 1, ())
+
+
 def test_reach_of_objects_like_these_holds_the_truth() -> None:
     """Of few objects percentiles of replicates alone held in half of the studies."""
     generator, held, trials = np.random.default_rng(3), 0, 60
@@ -249,13 +260,30 @@ def test_reach_of_objects_like_these_holds_the_truth() -> None:
 
 
 def test_one_object_says_nothing_of_reach_on_others() -> None:
-    at = np.arange(20.0, 28.0)
-    episodes = [[(0, n) for n in range(8)]]
-    curves = Curves((Entry(0, "one", {}),), ("a",),
-                    {"touches": [[[(np.array([t]), np.array([4.0])) for t in at]]]}, [], episodes,
-                    _weights(1, episodes, "like-these"), object_weights(1, 1), "like-these", 1, ())
-    found = reach(curves, "touches", 0, 5.0)
+    found = reach(curves_over("like-these", 8), "touches", 0, 5.0)
     assert np.isnan([found.low, found.high]).all()
+
+
+@pytest.mark.parametrize(("counts", "known"), [
+    ((5,), False), ((6,), True), ((3, 3), False), ((3, 4), True), ((2, 2, 3), False),
+    ((2, 3, 3), True)])
+def test_the_median_of_few_episodes_of_these_objects_has_no_interval(
+        counts: tuple[int, ...], known: bool) -> None:
+    """Every object but one takes an episode away."""
+    found = reach(curves_over("these", *counts), "touches", 0, 5.0)
+    assert np.isfinite([found.low, found.high]).all() == known
+    assert np.isfinite(found.median)
+
+
+@pytest.mark.parametrize(("end", "step"), [(40.0, 1.0), (90.0, 2.0), (130.0, 5.0), (300.0, 10.0),
+                                           (4000.0, 100.0)])
+def test_places_of_many_refits_are_a_round_step_apart(end: float, step: float) -> None:
+    at = np.linspace(end / 200, end, 200)
+    curves = replace(curves_over("these", 6), steps={"touches": [[[(at, 9.0 - at / end)] * 6]]})
+    grid = grid_of(curves, "touches", 0)
+    np.testing.assert_allclose(np.diff(grid[1:-1]), step)
+    np.testing.assert_allclose(grid[1:-1] / step, np.rint(grid[1:-1] / step))
+    assert (grid[0], grid[-1]) == (at[0], end)
 
 
 def test_errors_at_the_same_time_are_those_when_the_other_ended(

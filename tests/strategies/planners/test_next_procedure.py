@@ -1,0 +1,83 @@
+"""Where procedures go, worked out for the upright cylinders of `beliefs`."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from beliefs import BODY, belief
+
+from fit.fit_status import FitStatus
+from strategies.planners.next_procedure import contour_to_follow, decide
+from strategies.procedures.options import ContourTable, DecideTable
+from strategies.recovery.belief import Belief
+from strategies.recovery.choose_model import Shape
+
+BOTH = np.ones(2, bool)
+BY_EXPONENT = DecideTable(turned_within=0.0)
+BLOCKY, ROUND = 0.1, 1.0
+
+
+def with_section(exponent: float, **more: Any) -> Belief:
+    """Bodies whose level section has this exponent."""
+    here = belief()
+    exponents = np.array([[0.1, exponent]] * 2)
+    return replace(here, body=BODY._replace(exponents=exponents), **more)
+
+
+def side(flat: bool) -> SimpleNamespace:
+    """A side that was crossed in both worlds, which proved flat or not."""
+    normal = np.array([[1.0, 0.0, 0.0]] * 2)
+    return SimpleNamespace(fit=SimpleNamespace(status=np.full(2, FitStatus.converged)),
+                           normal=normal, felt_normal=normal, flat=np.full(2, flat))
+
+
+def chosen(here: Belief) -> tuple[list[bool], list[bool]]:
+    faces, contour = decide(here, BY_EXPONENT)
+    return faces.tolist(), contour.tolist()
+
+
+@pytest.mark.parametrize(("exponent", "faces"), [(BLOCKY, True), (ROUND, False)])
+def test_a_level_section_with_corners_has_faces_and_a_round_one_a_contour(
+        exponent: float, faces: bool) -> None:
+    assert chosen(with_section(exponent)) == ([faces] * 2, [not faces] * 2)
+
+
+def test_without_a_body_a_contour_is_followed() -> None:
+    here = with_section(BLOCKY, fitted=np.array([True, False]))
+    assert chosen(here) == ([True, False], [False, True])
+
+
+@pytest.mark.parametrize("exponent", [BLOCKY, ROUND])
+def test_what_bore_out_the_choice_is_left_at_that_and_else_the_other_is_next(
+        exponent: float) -> None:
+    neither, both = [False] * 2, [True] * 2
+    assert chosen(with_section(exponent, faces=(side(True),))) == (neither, neither)
+    assert chosen(with_section(exponent, faces=(side(False),))) == (neither, both)
+    followed: Any = SimpleNamespace(volume_m3=np.ones(2))
+    stands, not_so = np.full(2, Shape.REVOLUTION), np.full(2, Shape.SUPERQUADRIC)
+    assert chosen(with_section(exponent, profile=followed, shape=stands)) == (neither, neither)
+    assert chosen(with_section(exponent, profile=followed, shape=not_so)) == (both, neither)
+    tried = with_section(exponent, profile=followed, shape=not_so, faces=(side(False),))
+    assert chosen(tried) == (neither, neither)
+
+
+def test_a_contour_is_about_the_line_on_which_the_body_stands() -> None:
+    axis = contour_to_follow(belief(), ContourTable(), BOTH).axis
+    np.testing.assert_array_equal(axis.direction, [[0.0, 0.0, 1.0]] * 2)
+    np.testing.assert_allclose(axis.foot_m[:, :2], BODY.position_m[:, :2])
+    np.testing.assert_allclose(axis.foot_m[:, 2], 0.0, atol=1e-12)
+    np.testing.assert_allclose(axis.length_m, 0.14, rtol=1e-6)
+
+
+def test_a_wrong_axis_is_off_by_its_error_towards_an_azimuth_of_its_own() -> None:
+    seeds = np.array([3, 4], np.uint64)
+    wrong = contour_to_follow(replace(belief(), seed=seeds), ContourTable(axis_error_rad=0.2), BOTH)
+    way = wrong.axis.direction
+    np.testing.assert_allclose(np.arccos(way[:, 2]), 0.2)
+    azimuth = np.arctan2(way[:, 1], way[:, 0])
+    assert abs(azimuth[0] - azimuth[1]) > 0.01
+    again = contour_to_follow(replace(belief(), seed=seeds[::-1]), ContourTable(axis_error_rad=0.2),
+                              BOTH)
+    np.testing.assert_array_equal(again.axis.direction, way[::-1])
