@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "array_checks": ["check_array", "check_range"],
+    "array_checks": ["check_array", "check_finite", "check_range"],
     "cache_file": ["cache_root", "drop_cached", "read_cached", "write_cached"],
     "dtypes": ["HALF", "ONE", "PI", "TINY", "TWO", "TWO_PI", "ZERO", "float32",
         "float32_vec3", "greater",
