@@ -43,7 +43,7 @@ GOOD: dict[Shape, dict[str, Any]] = {
 ])
 def test_parts_that_are_none_are_refused(shape: Shape, changed: dict[str, Any], said: str) -> None:
     """Distances to a profile or a grid of no node were read beyond it and ended Python; a
-    quaternion of length 2 put a cylinder 0.6 m away; a falling profile was a body without inside."""
+    quaternion of length 2 put a cylinder 0.6 m away; a falling profile had no inside."""
     Part(shape, **GOOD[shape])
     with pytest.raises(BodyError, match=said):
         Part(shape, **GOOD[shape] | changed)
@@ -59,7 +59,7 @@ def test_bodies_that_are_none_are_refused() -> None:
     low, high = (-0.03, -0.03, 0.0), (0.03, 0.03, 0.1)
     Body("can", (part,), low, high)
     for parts in ((), ("cylinder",), (Part(Shape.SPHERE, Join.DIFFERENCE, size_m=(0.01, 0, 0)),)):
-        with pytest.raises(BodyError, match=r"can: parts = .*: one Part at least is wanted, the fi"):
+        with pytest.raises(BodyError, match=r"can: parts = .*: one Part at least is wan"):
             Body("can", parts, low, high)  # type: ignore[arg-type]
     for box in ((high, low), ((np.nan, 0.0, 0.0), high), (low, (0.03, 0.03))):
         with pytest.raises(BodyError, match=r"can: \(low_m, high_m\) = .*the lower one first"):
