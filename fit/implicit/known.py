@@ -80,7 +80,8 @@ def fit_known(
     Returns `ImplicitFit`, whose mean is `mean`, or `process.mean` where none is given; a set of
     fewer than four touches has the status `too_few_points` and no body, one with a touch whose
     place, deviation or mean is no number `bad_points`. Balls of free space and normals that are
-    none do not count; of the balls those of `free_mask` do, or all. Raises ValueError for arrays whose shapes disagree.
+    none do not count; of the balls those of `free_mask` do, or all. Raises ValueError for arrays
+    whose shapes disagree.
     """
     if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
