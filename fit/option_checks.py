@@ -22,6 +22,13 @@ def options_of(options: Options | None, kind: type[Options]) -> Options:
     return options
 
 
+def check_flags(options: Any, *names: str) -> None:
+    """Raises ValueError unless each option named is true or false: any text would count as true."""
+    for name in names:
+        if not isinstance(value := getattr(options, name), bool | np.bool):
+            raise ValueError(f"{name}: {value!r}, should be True or False")
+
+
 def check_counts(options: Any, **least: int) -> None:
     """Raises ValueError unless each option named is a whole number of so many at least."""
     for name, low in least.items():
@@ -68,6 +75,13 @@ def spread_array(name: str, value, shape: tuple[int, ...]) -> np.ndarray:
     except ValueError:
         raise ValueError(f"{name}: shape {value.shape}, should be one number or "
                          f"({', '.join(map(str, shape))})") from None
+
+
+def check_balls(free_points, free_radius, free_mask) -> None:
+    """Raises ValueError for radii or a mask of free space where no places are given."""
+    for name, value in (("free_radius", free_radius), ("free_mask", free_mask)):
+        if free_points is None and value is not None:
+            raise ValueError(f"{name}: given without free_points, should come with them")
 
 
 def _plain(name: str, value, dtype) -> np.ndarray:

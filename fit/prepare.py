@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Int
 from fit.arrays import is_valid
 from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus
 from fit.optimize.batch import point_bucket
-from fit.option_checks import checked_array, spread_array
+from fit.option_checks import check_balls, checked_array, spread_array
 
 MIN_SOLID_POINTS = 8
 """Minimum number of points for a solid."""
@@ -140,6 +140,7 @@ def prepare(
         plane[:, 2] = -1.0
         plane[:, 3] = -(np.where(is_valid(height), height, 0.0) - origin[:, 2]) / scale
     free = None
+    check_balls(free_points, free_radius, free_mask)
     if free_points is not None:
         free = _free(n, free_points, free_radius, free_mask, origin, scale)
     return Sets(

@@ -15,7 +15,7 @@ import numpy as np
 
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.closing.contact_estimate import ContactEstimate
-from warpgrasp.core.array_checks import check_array, check_range
+from warpgrasp.core.array_checks import check_array, check_finite, check_range
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
@@ -33,7 +33,7 @@ from warpgrasp.parameters import (
 )
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot_hand import robot_hand
-from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until
+from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until, check_rows
 
 if TYPE_CHECKING:
     from warpgrasp.sight.depth_view import DepthView
@@ -208,12 +208,14 @@ class Robot:
         open, and are NOT_TRIED.
 
         Raises ValueError for arrays of other shapes, TypeError of other kinds, and ValueError for
-        a wanted pose that is no place and unit quaternion, and for an object that does not stand
-        upright on the table.
+        a wanted pose that is no place and unit quaternion, for commands that are not finite, and
+        for an object that does not stand upright on the table.
         """
         check_array("hand_pose", hand_pose, "numbers", "world probe 7", world=self.worlds)
         worlds, probes, _ = hand_pose.shape
         check_array("wanted", wanted, "bool", "world probe", world=worlds, probe=probes)
+        check_array("commands_rad", commands_rad, "numbers", "grasp finger step joint")
+        check_finite("commands_rad", commands_rad)
         fingers = commands_rad.shape[1]
         if room is not None:
             check_array("room", room, "numbers", "world", world=worlds)
@@ -292,17 +294,21 @@ class Robot:
         their first commands, would strike something on the straight way. A finger without pads
         feels nothing: it ends `blocked`.
 
-        Raises ValueError for a pose that is no place and unit quaternion, for an object that does
+        Raises TypeError and ValueError for rows that are not each another world, and as `LineMove`;
+        ValueError for a pose that is no place and unit quaternion, for an object that does
         not stand upright on the table, and where errors could make the gain of a pad zero or less.
         """
         from warpgrasp.touch.guarded_motion import guarded_line
 
         if wrong := self._true.errors.misfit():
             raise ValueError(wrong)
-        _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
-        _check_stands(self._truth.body_pose)
+        check_rows(rows, self.worlds)
+        if len(np.unique(rows)) < len(rows):  # a world's state would be that of one of its lines
+            raise ValueError(f"rows: are {rows.tolist()!s:.80}; should name a world only once")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
+        _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
+        _check_stands(self._truth.body_pose)
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,
             self.pads, self._key, self._calibration, self._state.q_rad[rows], move,

@@ -4,7 +4,7 @@ They take numbers, not tables: `parameters`, whose tables ask them, imports this
 are in metres, and messages name a spec's keys in its units.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import pi
 
 from warpgrasp.spec_words import word_of
@@ -39,3 +39,11 @@ def pad_length_misfit(link: int, length_m: float, bent_m: float, link_length_m: 
         return ""
     return (f"pad of {length_m * 1e3:g} mm does not fit link {link} of {link_length_m * 1e3:g} mm; "
             f"should be {bent_m * 1e3:.3g} to {(bent_m + link_length_m) * 1e3:.3g} mm long")
+
+
+def order_misfit(low: Sequence[float], high: Sequence[float], names: str) -> str:
+    """Why limits of the keys `names` ("low_deg should be below high_deg") are none; empty where
+    every low one is below its high one."""
+    if all(least < most for least, most in zip(low, high, strict=True)):
+        return ""
+    return f"{names}; are {tuple(low)} and {tuple(high)} in SI units"

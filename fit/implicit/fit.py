@@ -30,7 +30,7 @@ from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
 from fit.optimize.batch import Program, map_lanes, take
 from fit.optimize.multistart import Problem, advance
-from fit.option_checks import options_of
+from fit.option_checks import check_balls, options_of
 from fit.prepare import Sets, prepare
 
 STARTS = (1.0, 3.0)
@@ -83,9 +83,11 @@ def fit_implicit(
         `ImplicitFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
-        ValueError: an array of the wrong shape.
+        ValueError: an array of the wrong shape, or a radius or mask of free points without the
+            points.
     """
     options = options_of(options, ImplicitOptions)
+    check_balls(free_points, free_radius, free_mask)
     sets = prepare(points, mask, covariance, normals, table_z)
     fits = _placeholder(sets, np.asarray(points).shape[1], table_z)
     mean = mean or sphere_mean(fits)

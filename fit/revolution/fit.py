@@ -45,7 +45,8 @@ def fit_revolution(
 
     With `table_z` [m] the lower end lies on the table. `middle` tells what else is known of where
     the axes go through: touches all on one side, or on two that are opposite, tell it badly.
-    Raises ValueError for an array of the wrong shape; any other problem of a set is its `status`.
+    Raises ValueError for an array of the wrong shape and a `middle` that is none; any other problem
+    of a set is its `status`.
     """
     options = options_of(options, RevolutionOptions)
     sets = prepare(points, mask, table_z=table_z)
@@ -74,6 +75,8 @@ def _known(middle: Middle | None, n: int) -> tuple[Middle, Bool[np.ndarray, " fi
     """What is known of the middles of `n` axes, and for which of them it is no evidence."""
     if middle is None:
         return Middle(np.zeros((n, 3)), np.full(n, np.inf)), np.zeros(n, bool)
+    if not isinstance(middle, Middle):
+        raise ValueError(f"middle: {type(middle).__name__}, should be a Middle")
     point = checked_array("middle.point_m", middle.point_m, (n, 3))
     std = checked_array("middle.std_m", middle.std_m, (n,))
     told = std < np.inf

@@ -6,11 +6,19 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fit.arrays import row_sums, rows_of
+from fit.option_checks import checked_array
+
+UNIT = 1e-6
+"""By how much an axis may be longer or shorter than 1."""
 
 
 @dataclass(frozen=True)
 class RevolutionBody:
-    """Bodies of revolution, one per row; NaN after the last node of a contour."""
+    """Bodies of revolution, one per row; NaN after the last node of a contour.
+
+    Raises ValueError for arrays whose shapes disagree, and axes that are neither of length 1 nor
+    NaN.
+    """
 
     foot_m: Float[np.ndarray, "fit 3"]
     """Lower end of the axis [m]."""
@@ -19,6 +27,16 @@ class RevolutionBody:
     height_m: Float[np.ndarray, "fit node"]
     """Height of each node along the axis [m], rising from 0."""
     radius_m: Float[np.ndarray, "fit node"]
+
+    def __post_init__(self) -> None:
+        n, nodes = np.shape(self.height_m)[:1], (None, None)
+        for name, shape in (("height_m", nodes), ("radius_m", np.shape(self.height_m)),
+                            ("foot_m", (*n, 3)), ("axis", (*n, 3))):
+            checked_array(name, getattr(self, name), shape)
+        length = np.linalg.norm(self.axis, axis=1)
+        if (wrong := np.abs(length - 1.0) > UNIT).any():  # heights are measured along them
+            raise ValueError(f"axis: {np.asarray(self.axis)[wrong][0].tolist()}, should be of "
+                             "length 1")
 
     def __len__(self) -> int:
         return len(self.foot_m)

@@ -6,7 +6,17 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from fit.fit_status import LEAST_FALL, Loss, Monotone, check_word
-from fit.option_checks import LEAST_RAD, MOST_WEIGHT, check_counts, check_numbers
+from fit.option_checks import (
+    LEAST_RAD,
+    MOST_WEIGHT,
+    check_counts,
+    check_flags,
+    check_number,
+    check_numbers,
+)
+
+MOST_NODES = 128.0
+"""Of a contour: the fit of more takes minutes to compile."""
 
 
 @dataclass(frozen=True)
@@ -17,7 +27,7 @@ class RevolutionOptions:
     """
 
     nodes: int = 8
-    """Nodes of the contour, at least 2, including both ends."""
+    """Nodes of the contour, 2 to `MOST_NODES`, including both ends."""
     smoothing: float = 0.05
     """Weight of the contour's second differences relative to all touches."""
     monotone: Monotone = "none"
@@ -37,6 +47,8 @@ class RevolutionOptions:
 
     def __post_init__(self) -> None:
         check_counts(self, nodes=2, screen_iterations=0, round_iterations=1, iterations=0)
+        check_number("nodes", self.nodes, low=2.0, high=MOST_NODES)
+        check_flags(self, "upright")
         check_numbers(self, "least_fall")
         check_numbers(self, "smoothing", "plane_weight", high=MOST_WEIGHT)
         if self.tilt_std_rad is not None:

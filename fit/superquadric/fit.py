@@ -49,7 +49,8 @@ def fit_superquadric(
         `SuperquadricFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
-        ValueError: an array of the wrong shape, or a start that is no fits or of another length.
+        ValueError: an array of the wrong shape, a radius or mask of free points without the points,
+            or a start that is no fits or of another length.
     """
     options = options_of(options, SuperquadricOptions)
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)

@@ -18,11 +18,14 @@ import numpy as np
 from jaxtyping import Float, Int
 from scipy.special import beta
 
+from fit.option_checks import checked_array
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.record import SuperquadricFit
 
 TINY = 1e-20
 """Added to squared scaled coordinates, so that logarithms are finite."""
+UNIT = 1e-6
+"""By how much a quaternion may be longer or shorter than 1."""
 MIN_TAPER_FACTOR = 0.02
 """Least scale of a tapered section, so that it never shrinks to a point."""
 
@@ -53,16 +56,39 @@ def superquadric(
 ) -> Superquadric:
     """A `Superquadric` from single values and batches, shapes [n] or [fit, n].
 
-    Raises ValueError for batches of several lengths.
+    Raises ValueError for batches of several lengths or of other widths, and for numbers that are
+    those of no superquadric. A body of NaN is one that is not known.
     """
-    fields = [np.atleast_2d(np.asarray(v, float)) for v in
-              (size_m, exponents, position_m, quaternion_xyzw, taper, bend)]
+    fields = [checked_array(name, np.atleast_2d(value), (None, width)) for name, value, width in (
+        ("size_m", size_m, 3), ("exponents", exponents, 2), ("position_m", position_m, 3),
+        ("quaternion_xyzw", quaternion_xyzw, 4), ("taper", taper, 2), ("bend", bend, 2))]
     counts = {len(v) for v in fields} - {1}
     if len(counts) > 1:
         raise ValueError(f"superquadric: batches of {', '.join(map(str, sorted(counts)))}, should "
                          "be of one length")
     count = counts.pop() if counts else 1
-    return Superquadric(*(np.broadcast_to(v, (count, v.shape[1])) for v in fields))
+    body = Superquadric(*(np.broadcast_to(v, (count, v.shape[1])) for v in fields))
+    length = np.linalg.norm(body.quaternion_xyzw, axis=1, keepdims=True)
+    for name, wrong, wanted in (
+            ("size_m", body.size_m <= 0.0, "above 0"),
+            ("exponents", body.exponents <= 0.0, "above 0"),
+            ("quaternion_xyzw", np.abs(length - 1.0) > UNIT, "of length 1"),
+            ("taper", np.abs(body.taper) > 1.0, "from -1 to 1"),
+            ("bend", body.bend < [0.0, -np.inf],
+             "of a curvature from 0: turn its direction by pi instead")):
+        if (rows := wrong.any(axis=1)).any():
+            raise ValueError(f"{name}: {getattr(body, name)[rows][0].tolist()}, should be {wanted}")
+    return body
+
+
+def as_points(body: SuperquadricLike, points) -> Float[np.ndarray, "fit point 3"]:
+    """Points as an array, for each of the bodies. Raises ValueError for another shape: rows of one
+    set would be taken for sets."""
+    points = checked_array("points", points, (None, None, 3))
+    if len(points) != len(body.size_m) and 1 not in (len(points), len(body.size_m)):
+        raise ValueError(f"points: {len(points)} sets for {len(body.size_m)} bodies, should be one "
+                         "each")
+    return points
 
 
 def log_sum(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -75,9 +101,10 @@ def superquadric_inside_outside(
 ) -> Float[np.ndarray, "fit point"]:
     """F^(e1/2) of points [m]: the scaled radius, 1 on the surface, < 1 inside.
 
-    F = value ** (2 / e1) would overflow for small exponents.
+    F = value ** (2 / e1) would overflow for small exponents. Raises ValueError for points of
+    another shape.
     """
-    x, y, z = straight_coordinates(body, points)
+    x, y, z = straight_coordinates(body, as_points(body, points))
     e1, e2 = body.exponents[:, 0, None], body.exponents[:, 1, None]
     lx, ly, lz = (np.log((c / a[:, None]) ** 2 + TINY)
                   for c, a in zip((x, y, z), body.size_m.T, strict=True))
@@ -162,8 +189,11 @@ def _directions(n: int) -> np.ndarray:
 def superquadric_normals(
     body: SuperquadricLike, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point 3"]:
-    """Outward unit normals at points on or near the surface: directions of `radius_differences`."""
-    gradient, _ = radius_differences(body, points)
+    """Outward unit normals at points on or near the surface: directions of `radius_differences`.
+
+    Raises ValueError for points of another shape.
+    """
+    gradient, _ = radius_differences(body, as_points(body, points))
     with np.errstate(invalid="ignore"):
         return gradient / np.linalg.norm(gradient, axis=-1, keepdims=True)
 
@@ -186,8 +216,11 @@ def radius_differences(
 
 
 def from_straight_frame(body: SuperquadricLike, points: np.ndarray) -> np.ndarray:
-    """World points [m] from points [m] in the frame before taper and bend, [fit, point, 3]."""
-    return _placed(body, *_planes(points))
+    """World points [m] from points [m] in the frame before taper and bend, [fit, point, 3].
+
+    Raises ValueError for points of another shape.
+    """
+    return _placed(body, *_planes(as_points(body, points)))
 
 
 def _planes(points: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

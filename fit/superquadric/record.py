@@ -7,7 +7,7 @@ from jaxtyping import Float, Int
 
 from fit.arrays import rows_of
 from fit.fit_status import LEAST_FALL, Kind, Loss, check_word
-from fit.option_checks import LEAST_RAD, MOST_WEIGHT, check_counts, check_numbers
+from fit.option_checks import LEAST_RAD, MOST_WEIGHT, check_counts, check_flags, check_numbers
 
 MIN_EXPONENT, MAX_EXPONENT = 0.1, 2.0
 """Bounds of e1 and e2."""
@@ -64,6 +64,7 @@ class SuperquadricOptions:
         if self.residual is not None:
             check_word("residual", self.residual, Kind)
         check_word("loss", self.loss, Loss)
+        check_flags(self, "taper", "bend", "upright_starts")
         check_counts(self, screen_iterations=0, settle_iterations=0, round_iterations=1,
                      iterations=0)
         check_numbers(self, "least_fall", "sigma_floor_m", "normal_std_rad")

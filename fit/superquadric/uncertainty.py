@@ -17,6 +17,7 @@ from fit.prepare import with_covariance
 from fit.superquadric.geometry import (
     Superquadric,
     SuperquadricLike,
+    as_points,
     superquadric_areas_of,
     superquadric_heights,
     superquadric_points,
@@ -147,7 +148,8 @@ def _body(fit: SuperquadricLike) -> Superquadric:
 def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Signed distance [m] to first order, (beta - 1)/|grad beta|, and the unit normal.
 
-    At the centre, where beta has no gradient, the distance is the smallest half extent.
+    At the centre, where beta has no gradient, the distance is the smallest half extent. Raises
+    ValueError for points of another shape than [fit, point, 3].
     """
     away, slope, normal, _ = _first_order(body, points)
     return away / slope, normal
@@ -156,7 +158,7 @@ def surface_distance(body: SuperquadricLike, points: np.ndarray) -> tuple[np.nda
 def _first_order(body: SuperquadricLike, points) -> tuple[np.ndarray, ...]:
     """beta - 1 (the scaled radius), |grad beta| [1/m], the unit normal at points, and the slopes of
     beta by `TANGENT`."""
-    radius, slopes = radius_slopes(body, points)
+    radius, slopes = radius_slopes(body, as_points(body, points))
     gradient = -slopes[..., 8:11]
     slope = np.linalg.norm(gradient, axis=2)
     flat = slope < FLAT / np.linalg.norm(body.size_m, axis=1)[:, None]
@@ -176,7 +178,10 @@ def _prior(body: SuperquadricLike) -> np.ndarray:
 
 
 def distance_slopes(body: SuperquadricLike, points) -> Float[np.ndarray, "fit point 15"]:
-    """Derivatives of distances [m] by tangent coordinates."""
+    """Derivatives of distances [m] by tangent coordinates, at points [m].
+
+    Raises ValueError for points of another shape.
+    """
     _, slope, _, slopes = _first_order(body, points)
     slopes /= slope[..., None]
     return slopes

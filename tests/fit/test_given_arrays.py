@@ -80,3 +80,16 @@ def test_a_shared_error_that_is_no_number_spares_the_other_fits() -> None:
     alone = superquadric_uncertainty(bodies, TOUCHES, shared_m=lambda normal: 1e-4 * normal)
     assert np.isnan(found.covariance[1]).any()
     assert np.array_equal(found.covariance[0], alone.covariance[0])
+
+
+@pytest.mark.parametrize("fit", [fit_superquadric, fit_implicit])
+@pytest.mark.parametrize("given", [{"free_radius": 0.01}, {"free_mask": np.ones((2, 3), bool)}])
+def test_balls_without_places_are_refused(fit: Callable, given: dict[str, Any]) -> None:
+    """They were passed over: the body was fitted as if no free space were known."""
+    with pytest.raises(ValueError, match=r"free_.*: given without free_points, should "):
+        fit(TOUCHES, **given)
+
+
+def test_a_middle_is_one() -> None:
+    with pytest.raises(ValueError, match="middle: tuple, should be a Middle"):
+        fit_revolution(TOUCHES, middle=(np.zeros((2, 3)), np.ones(2)))  # type: ignore[arg-type]

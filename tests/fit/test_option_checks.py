@@ -30,6 +30,8 @@ WRONG = [
     *((SuperquadricOptions, "mean_exponent", value) for value in (0.1, 0.0, -1.0, NAN, INF)),
     (SuperquadricOptions, "plane_weight", 1e200), (SuperquadricOptions, "settle_iterations", -1),
     (RevolutionOptions, "plane_weight", 1e9), (RevolutionOptions, "nodes", 2.5),
+    (RevolutionOptions, "nodes", 129), (RevolutionOptions, "upright", "no"),
+    *((SuperquadricOptions, name, "no") for name in ("taper", "bend", "upright_starts")),
     *((RevolutionOptions, "smoothing", value) for value in (-1.0, 1e9, NAN)),
     *((RevolutionOptions, "tilt_std_rad", value) for value in (0.0, 1e-300, NAN)),
     *((ImplicitOptions, name, value) for name in ("noise_m", "normal_offset")

@@ -134,3 +134,45 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
     with pytest.raises(TypeError, match="body: is of float64; should be of whole numbers"):
         Robot([body_from_name("block")], np.zeros(1), Truth(POSE), KEY, ArmTable(), HandTable(),
               SensorTable())
+
+
+@pytest.mark.parametrize(("changed", "error", "said"), [
+    ({"commands_rad": np.zeros((4, 0, 4))}, ValueError, r"commands_rad: of shape \(4, 0, 4\); "),
+    ({"commands_rad": np.full((4, 1, 4), np.nan)}, ValueError,
+     r"commands_rad: is nan at \(0, 0, 0\); should be finite"),
+    ({"commands_rad": [[[0.0] * 4]] * 4}, TypeError, "commands_rad: is list; should be a NumPy"),
+    ({"rows": np.array([0, -1])}, ValueError, "rows -1: wants 0 to 1"),
+    ({"rows": np.array([0, 2])}, ValueError, "rows 2: wants 0 to 1"),
+    ({"rows": np.ones(2, bool)}, TypeError, "rows: is of bool; should be of whole numbers"),
+    ({"rows": np.zeros(2, int)}, ValueError, r"rows: are \[0, 0\]; should name a world only once"),
+    ({"rows": np.zeros(1, int)}, ValueError, r"hand_pose: of shape \(2, 7\); should be \(row 1, "),
+    ({"direction": np.full((2, 3), np.nan)}, ValueError, r"direction: is nan at \(0, 0\); should"),
+    ({"direction": np.array([0.0, 0.0, -1.0])}, ValueError, r"direction: of shape \(3,\); should"),
+    ({"interval_m": np.inf}, ValueError, "interval_m: is inf; should be finite"),
+    ({"interval_m": np.full(3, 0.001)}, ValueError, r"interval_m: of shape \(3,\); should be one"),
+    ({"steps": -1}, ValueError, "steps -1: wants 0 to"),
+    ({"steps": 2.5}, ValueError, "steps 2.5: wants 0 to"),
+    ({"until": 2}, ValueError, "until 2: wants 0 to 1"),
+])
+def test_lines_that_cannot_be_made_are_refused(changed: dict[str, Any], error: type[Exception],
+                                               said: str) -> None:
+    """Commands of no step were read beyond their end and ended Python; row -1 read the robot before
+    the first; lines along no number ended `unreachable` with a path of NaN."""
+    asked = {"rows": np.arange(2), "hand_pose": np.tile(HAND, (2, 1)),
+             "direction": np.tile([0.0, 0.0, -1.0], (2, 1)), "interval_m": 0.001, "steps": 5,
+             "finger": 0, "commands_rad": np.zeros((4, 1, 4))}
+    with pytest.raises(error, match=said):
+        robot(Truth(POSE)).guarded_line(**asked | changed)
+    assert robot(Truth(POSE)).guarded_line(**asked).steps.shape == (2,)
+
+
+def test_commands_of_a_grasp_are_numbers() -> None:
+    """Fingers that closed along NaN ended with `no_contact`, as if there were no object."""
+    commands, count = padded_commands(("curl40",))
+    wanted = np.ones((2, 1), bool)
+    for value in (np.nan, np.inf):
+        with pytest.raises(ValueError, match=r"commands_rad: is .* at \(0, 0, 0, 0\); should be f"):
+            robot(Truth(POSE)).grasp(np.tile(HAND, (2, 1, 1)), wanted, commands + value, count)
+    with pytest.raises(TypeError, match="commands_rad: is list; should be a NumPy array"):
+        robot(Truth(POSE)).grasp(np.tile(HAND, (2, 1, 1)), wanted,
+                                 commands.tolist(), count)  # type: ignore[arg-type]

@@ -36,6 +36,15 @@ def check_array(name: str, value: Any, kind: str, axes: str, **sizes: int) -> No
         raise ValueError(f"{name}: of shape {value.shape}; should be {_told(axes, sizes)}")
 
 
+def check_finite(name: str, value: np.ndarray | float) -> None:
+    """Raise ValueError where a number is not finite."""
+    wrong = ~np.isfinite(value)
+    if wrong.any():
+        first = tuple(int(k) for k in np.argwhere(wrong)[0])
+        raise ValueError(f"{name}: is {np.asarray(value)[first]}"
+                         f"{f' at {first}' if first else ''}; should be finite")
+
+
 def _told(axes: str, sizes: Mapping[str, int]) -> str:
     """The axes for a message, as (world 2, probe, 7)."""
     words = [f"{word} {sizes[word]}" if word in sizes else word for word in axes.split()]

@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from math import hypot
 from typing import Any
 
 import numpy as np
@@ -23,15 +24,38 @@ from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 
 _EMPTY = np.zeros((0, 2))
 _NO_GRID = np.zeros((0, 0, 0), np.float32)
+_UNIT = 1e-6
+"""By how much a quaternion may be longer or shorter than 1, and a capsule shorter than its ends."""
 
 
 class BodyError(ValueError):
     """An object that cannot be built; the message says what is wrong and what would be right."""
 
 
+def _check(name: str, value: Any, right: bool, wanted: str) -> None:
+    """Raise BodyError where a value is not right, with what is wanted."""
+    if not right:
+        text = " ".join(repr(value).split())
+        raise BodyError(f"{name} = {text[:77] + '...' if len(text) > 80 else text}: {wanted}")
+
+
+def _are_numbers(values: Any, *shape: int | None) -> bool:
+    """Whether values are finite numbers of a shape, None for any length."""
+    try:
+        array = np.asarray(values)
+        return (array.dtype.kind in "iuf" and array.ndim == len(shape)
+                and all(want in (None, have) for want, have in zip(shape, array.shape, strict=True))
+                and bool(np.isfinite(array).all()))
+    except (TypeError, ValueError):  # rows of several lengths
+        return False
+
+
 @dataclass(frozen=True)
 class Part:
-    """One placed primitive of a body. Which fields count depends on `shape`."""
+    """One placed primitive of a body. Which fields count depends on `shape`.
+
+    Raises BodyError for fields that are no such primitive: kernels take them at their word.
+    """
 
     shape: Shape
     join: Join = Join.UNION
@@ -48,10 +72,60 @@ class Part:
     grid_origin_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     grid_cell_m: float = 0.0
 
+    def __post_init__(self) -> None:
+        _check("shape", self.shape, self.shape in tuple(Shape), "one of Shape is wanted")
+        _check("join", self.join, self.join in tuple(Join), "one of Join is wanted")
+        _check("place", self.place, _are_numbers(self.place, 7)
+               and abs(hypot(*self.place[3:]) - 1.0) < _UNIT,
+               "a position [m] and a quaternion xyzw of length 1 are wanted, seven numbers")
+        if self.shape == Shape.SUPERQUADRIC:
+            self._check_superquadric()
+        elif self.shape == Shape.REVOLUTION:
+            z_r = self.profile_m
+            good = _are_numbers(z_r, None, 2) and len(z_r) >= 2
+            _check("profile_m", z_r, good and bool(
+                (np.diff(z_r, axis=0)[:, 0] > 0.0).all() and np.min(z_r, axis=0)[1] >= 0.0),
+                "two rows (z, r) [m] at least are wanted, z rising, no r negative")
+        elif self.shape == Shape.GRID:
+            _check("grid_m", self.grid_m, _are_numbers(self.grid_m, None, None, None)
+                   and min(self.grid_m.shape) >= 2, "distances [m] at (nx, ny, nz) nodes are "
+                   "wanted, at least two along each axis")
+            _check("grid_cell_m", self.grid_cell_m, self.grid_cell_m > 0.0,
+                   "a length above 0 is wanted")
+            _check("grid_origin_m", self.grid_origin_m, _are_numbers(self.grid_origin_m, 3),
+                   "a position [m] is wanted")
+        else:
+            self._check_size()
+
+    def _check_size(self) -> None:
+        """Raise BodyError where `size_m` is not that of a block, wedge, cylinder, capsule or
+        sphere."""
+        count, wanted = {
+            Shape.SPHERE: ([0], "(radius, 0, 0)"),
+            Shape.CYLINDER: ([0, 2], "(radius, 0, height)"),
+            Shape.CAPSULE: ([0, 2], "(radius, 0, height), the height twice the radius or more,"),
+        }.get(self.shape, ([0, 1, 2], "(x, y, z)"))
+        size = self.size_m
+        _check("size_m", size, _are_numbers(size, 3) and all(size[k] > 0.0 for k in count)
+               and (self.shape != Shape.CAPSULE or size[2] >= (2.0 - _UNIT) * size[0]),
+               f"lengths {wanted} above 0 [m] are wanted of a {Shape(self.shape).name.lower()}")
+
+    def _check_superquadric(self) -> None:
+        """Raise BodyError where `superquadric` is none."""
+        given = self.superquadric
+        good = _are_numbers(given, 9) and min(given[:5]) > 0.0 and max(given[3:5]) <= 2.0
+        _check("superquadric", given, good and max(map(abs, given[5:7])) <= 1.0 and given[7] >= 0.0,
+               "half axes above 0 [m], exponents above 0 to 2, tapers from -1 to 1, a bend "
+               "from 0 [1/m] and its direction [rad] are wanted, nine numbers")
+
 
 @dataclass(frozen=True)
 class Body:
-    """An object standing on z = 0 of its own frame, about the z axis."""
+    """An object standing on z = 0 of its own frame, about the z axis.
+
+    Raises BodyError for parts that are none, a first part that is no union, and corners that are
+    those of no box.
+    """
 
     name: str
     parts: tuple[Part, ...]
@@ -61,6 +135,16 @@ class Body:
     doc: str = ""
     grid_error_m: float = 0.0
     """Largest measured error of a baked grid near the surface; 0 for formulas."""
+
+    def __post_init__(self) -> None:
+        _check(f"{self.name}: parts", self.parts, len(self.parts) > 0
+               and all(isinstance(part, Part) for part in self.parts)
+               and self.parts[0].join == Join.UNION,
+               "one Part at least is wanted, the first a union")
+        box = (self.low_m, self.high_m)
+        _check(f"{self.name}: (low_m, high_m)", box, _are_numbers(box, 2, 3)
+               and all(low <= high for low, high in zip(*box, strict=True)),
+               "two corners [m] are wanted, the lower one first")
 
     @property
     def content(self) -> str:
@@ -167,6 +251,7 @@ def _asked(
     check_range("body", body, 0, scene.bodies - 1)
     if np.ndim(points_m) != 3 or np.shape(points_m)[2] != 3:
         raise ShapeError(f"points_m: of shape {np.shape(points_m)}; should be (world, point, 3)")
+    points_m = np.asarray(points_m)
     worlds, count = points_m.shape[:2]
     found = wp.empty((worlds, count), dtype=answer, device=device)
     launch(kernel, {"world": worlds, "point": count},

@@ -17,6 +17,7 @@ from warpgrasp.core.dtypes import vec7
 from warpgrasp.mechanism.puma560 import HOME_RAD, home_misfit, puma_arm, puma_forward_batch
 from warpgrasp.mechanism.puma560_kernel import Arm
 from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
+from warpgrasp.table_misfit import order_misfit
 
 _FLOATING_HOME = (0.45, 0.0, 0.5, np.pi, 0.0, 0.0)
 """Of a floating wrist, as near to this as its box lets it: the flange, pointing down."""
@@ -53,8 +54,8 @@ def _arm_of_file(file: str, changed_ns: int, size: int) -> ArmModel:
 
 
 def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
-    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover, and
-    ArmError for an arm that cannot be used."""
+    """The kernels' arm. Raises ValueError for a table the closed-form inverse does not cover and a
+    floating wrist's box that is none, ArmError for an arm that cannot be used."""
     model = serial_model(table)
     if model is None and not is_floating(table):
         return puma_arm(table, mount_length_m)
@@ -66,6 +67,9 @@ def arm_of(table: ArmTable, mount_length_m: float) -> Arm:
                          + np.where(padded(np.ones(len(model.joints))) > 0.0, 0.0, 1.0))
         arm.encoder_step = table.encoder_step_rad
         return arm
+    if wrong := order_misfit(table.box_low_m, table.box_high_m,
+                             "box_low_mm should be below box_high_mm"):
+        raise ValueError(wrong)
     arm.floating = 1
     arm.low = vec7(*padded([*table.box_low_m, *[-np.inf] * 3]))
     arm.high = vec7(*padded([*table.box_high_m, *[np.inf] * 3]))

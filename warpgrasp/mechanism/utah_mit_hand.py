@@ -16,6 +16,7 @@ from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
 from warpgrasp.mechanism.utah_mit_weight import (
+    limit_misfit,
     link_weights,
     overlap_misfit,
     weight_askew,
@@ -31,9 +32,10 @@ LINK_COUNT = 3  # proximal, middle, distal
 @lru_cache(maxsize=32)
 def hand_of(table: HandTable, contact: ContactTable | None = None) -> Hand:
     """The kernels' hand, not to be changed; the default of `contact` is `ContactTable()`, for those
-    who ask where links are and not where they rest. Raises ValueError for what `overlap_misfit`
-    says and, with a `contact`, `weight_misfit`."""
-    if wrong := overlap_misfit(table) or (weight_misfit(table, contact) if contact else ""):
+    who ask where links are and not where they rest. Raises ValueError for what `overlap_misfit`,
+    `limit_misfit` and, with a `contact`, `weight_misfit` say."""
+    if wrong := (overlap_misfit(table) or limit_misfit(table)
+                 or (weight_misfit(table, contact) if contact else "")):
         raise ValueError(wrong)
     contact = contact or ContactTable()
     hand = Hand()

@@ -4,6 +4,7 @@ and which hands are refused."""
 import numpy as np
 
 from warpgrasp.parameters import ContactTable, HandTable
+from warpgrasp.table_misfit import order_misfit
 
 GRAVITY_M_S2 = 9.81
 _LEAST_ASKEW = 0.02
@@ -36,6 +37,14 @@ def overlap_misfit(table: HandTable) -> str:
                     f"{apart * 1e3:g} mm apart; {key} should be {thick * 1e3:g} at least, or "
                     f"link_radius_mm {apart * 5e2:g} at most")
     return ""
+
+
+def limit_misfit(table: HandTable) -> str:
+    """Why joints have no room between their limits; empty where they have."""
+    least, most = table.abduction_limit_rad
+    return (order_misfit((least,), (most,), "abduction_limit_deg should rise")
+            or order_misfit(table.flexion_low_rad, table.flexion_high_rad,
+                            "flexion_low_deg should be below flexion_high_deg"))
 
 
 def weight_misfit(table: HandTable, contact: ContactTable) -> str:

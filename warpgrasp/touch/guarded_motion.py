@@ -40,7 +40,7 @@ from warpgrasp.parameters import (
 from warpgrasp.touch.chain_line_kernel import chain_line_kernel
 from warpgrasp.touch.guarded_motion_kernel import line_kernel
 from warpgrasp.touch.line_record import LineBegin, LineEnd
-from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until
+from warpgrasp.touch.line_touch import LineMove, LineTouch, LineTruth, Until, check_rows
 from warpgrasp.touch.pad import (
     chain_pad_turns,
     chain_pads,
@@ -154,9 +154,10 @@ def guarded_line(
     `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
     robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 7) where the
     arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError, and ValueError for a
-    body or a finger that there is not.
+    body, a world or a finger that there is not.
     """
     check_range("body", body, 0, scene.bodies - 1)
+    check_rows(move.rows, len(key))
     n = len(move.rows)
     true_hand, true_sensors = (hand, sensors) if true is None else (true.hand, true.sensors)
     begin = np.zeros(n, record_type(LineBegin))

@@ -5,6 +5,8 @@ from enum import IntEnum
 
 import numpy as np
 
+from warpgrasp.core.array_checks import check_array, check_finite, check_range
+
 
 class Until(IntEnum):
     """What ends a guarded line."""
@@ -70,7 +72,11 @@ class LineTruth:
 
 @dataclass(frozen=True)
 class LineMove:
-    """One guarded line for some of the worlds, row by row."""
+    """One guarded line for some of the worlds, row by row.
+
+    Raises TypeError for what are no numbers, ValueError for arrays of other shapes, numbers that
+    are not finite, commands of no step, and steps that are no whole numbers from 0.
+    """
 
     rows: np.ndarray
     """Worlds that move, (row,)."""
@@ -92,3 +98,26 @@ class LineMove:
     until: np.ndarray | Until = Until.CONTACT
     checked: bool = False
     """Whether the way to the start is looked at: see `Robot.guarded_line`."""
+
+    def __post_init__(self) -> None:
+        rows = len(self.rows)
+        check_array("hand_pose", self.hand_pose, "numbers", "row 7", row=rows)
+        check_array("direction", self.direction, "numbers", "row 3", row=rows)
+        check_array("commands_rad", self.commands_rad, "numbers", "finger step joint")
+        if self.commands_rad.shape[1] == 0:
+            raise ValueError(f"commands_rad: of shape {self.commands_rad.shape}; should be of a "
+                             "step at least, which is held")
+        for name in ("direction", "interval_m", "commands_rad"):
+            check_finite(name, getattr(self, name))
+        for name in ("interval_m", "steps", "until"):
+            if np.shape(value := getattr(self, name)) not in ((), (rows,)):
+                raise ValueError(f"{name}: of shape {np.shape(value)}; should be one number, or "
+                                 f"one a row, ({rows},)")
+        check_range("steps", self.steps, 0, np.iinfo(np.int32).max)
+        check_range("until", self.until, min(Until), max(Until))
+
+
+def check_rows(rows: np.ndarray, worlds: int) -> None:
+    """Raise TypeError for rows that are no whole numbers, ValueError for those of no world."""
+    check_array("rows", rows, "whole numbers", "row")
+    check_range("rows", rows, 0, worlds - 1)

@@ -17,7 +17,7 @@ from warpgrasp.chain.chain_hand import ChainHand
 from warpgrasp.chain.chain_pads import pad_places
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.core.struct_array import record_type, repeated
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
@@ -146,6 +146,12 @@ def read_pads(
     gains, `reading` numbers the readings. Raises ShapeError, and ValueError
     for a body that the scene has not.
     """
+    poses = len(hand_pose)
+    for name, value, shape in (("body_pose", body_pose, (poses, 7)),
+                               ("hand_pose", hand_pose, (poses, 7)),
+                               ("q_rad", q_rad, (poses, FINGER_COUNT, 4))):
+        if np.shape(value) != shape:
+            raise ShapeError(f"{name}: of shape {np.shape(value)}; should be {shape}")
     check_range("body", body, 0, scene.bodies - 1)
     n = len(hand_pose)
     force = wp.zeros((n, FINGER_COUNT * LINK_COUNT, TAXELS, TAXELS), dtype=real, device=device)

@@ -58,6 +58,8 @@ def test_the_surface_leaves_balls_of_free_space() -> None:
                      for fit in (without, within))
     assert before < 0.004
     assert after > 0.006
+    unmasked = fit_known(points, kept, normals, sigma, PROCESS, free_points=free, free_radius=0.008)
+    np.testing.assert_array_equal(unmasked.alpha_per_m, within.alpha_per_m)
 
 
 def test_other_bodies_and_slots_beside_it_change_no_coefficient() -> None:

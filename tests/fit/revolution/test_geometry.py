@@ -80,3 +80,14 @@ def test_a_row_is_a_body_of_its_own() -> None:
     alone, _, alone_area = revolution_surface(body()[1])
     assert np.array_equal(points[1:], alone)
     assert np.array_equal(area[1:], alone_area)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_an_axis_is_of_length_1_and_shapes_agree() -> None:
+    """Heights along a longer axis are too large: points inside were outside."""
+    one = body()
+    RevolutionBody(one.foot_m, one.axis * [[np.nan], [1.0]], one.height_m, one.radius_m)
+    with pytest.raises(ValueError, match=r"axis: \[0.0, 0.0, 2.0\], should be of length 1"):
+        RevolutionBody(one.foot_m, 2.0 * one.axis, one.height_m, one.radius_m)
+    with pytest.raises(ValueError, match=r"radius_m: shape \(2, 3\), should be \(2, 4\)"):
+        RevolutionBody(one.foot_m, one.axis, one.height_m, one.radius_m[:, :3])

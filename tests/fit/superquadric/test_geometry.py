@@ -1,5 +1,7 @@
 """The geometry of a superquadric against closed forms and against itself."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,9 +14,11 @@ from fit.superquadric.geometry import (
     superquadric,
     superquadric_inside_outside,
     superquadric_normals,
+    superquadric_points,
     superquadric_surface,
     superquadric_volume,
 )
+from fit.superquadric.uncertainty import distance_slopes, surface_distance
 
 BODIES = superquadric(
     [[0.03, 0.04, 0.06], [0.05, 0.02, 0.03], [0.03, 0.03, 0.05], [0.04, 0.03, 0.08]],
@@ -108,3 +112,41 @@ def test_bodies_of_batches_of_any_one_length() -> None:
         assert all(len(field) == count for field in bodies)
     with pytest.raises(ValueError, match="superquadric: batches of 2, 3, should be of one length"):
         superquadric(np.ones((2, 3)), np.ones((3, 2)))
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(("changed", "said"), [
+    ({"size_m": (-0.03, 0.04, 0.05)}, r"size_m: \[-0.03, 0.04, 0.05\], should be above 0"),
+    ({"size_m": (0.03, 0.04)}, r"size_m: shape \(1, 2\), should be \(any, 3\)"),
+    ({"exponents": (0.0, 1.0)}, r"exponents: \[0.0, 1.0\], should be above 0"),
+    ({"quaternion_xyzw": (0, 0, 0, 2)}, "quaternion_xyzw: .* should be of length 1"),
+    ({"taper": (3, 3)}, "taper: .* should be from -1 to 1"),
+    ({"bend": (-2.0, 0.0)}, r"bend: .* should be of a curvature from 0: turn its direction by pi"),
+    ({"size_m": "abc"}, "size_m: is no array of numbers"),
+])
+def test_numbers_of_no_superquadric_are_refused(changed: dict[str, Any], said: str) -> None:
+    """A negative size had a negative volume, and a quaternion of length 2 turned and stretched."""
+    with pytest.raises(ValueError, match=said):
+        superquadric(**{"size_m": (0.03, 0.04, 0.05), "exponents": (0.5, 1.0)} | changed)
+
+
+def test_a_body_that_is_not_known_spares_the_others() -> None:
+    bodies = superquadric([[0.03, 0.04, 0.05], [np.nan] * 3], [1.0, 1.0])
+    volume = superquadric_volume(bodies)
+    assert np.isclose(volume[0], 4 / 3 * np.pi * 0.03 * 0.04 * 0.05)
+    assert np.isnan(volume[1])
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_points_are_those_of_each_body() -> None:
+    """Points of one set without their first axis were taken for as many sets."""
+    bodies = superquadric(np.tile([0.03, 0.04, 0.05], (4, 1)), [1.0, 1.0])
+    points = superquadric_points(bodies, 20)
+    for asked in (superquadric_inside_outside, superquadric_normals, from_straight_frame,
+                  surface_distance, distance_slopes):
+        np.testing.assert_array_equal(np.asarray(asked(bodies, points.tolist())[0]),
+                                      np.asarray(asked(bodies, points)[0]))
+        with pytest.raises(ValueError, match=r"points: shape \(4, 3\), should be \(any, any, 3\)"):
+            asked(bodies, points[0, :4])
+        with pytest.raises(ValueError, match="points: 3 sets for 4 bodies, should be one each"):
+            asked(bodies, points[:3])

@@ -13,7 +13,7 @@ from sweeps.figures.replay_frames import arm_points, make_replay
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm import arm_flanges, arm_home, floating_joints
+from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of, floating_joints
 from warpgrasp.mechanism.arm_motion import ArmState, arm_hand_links, move_hand
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.arm_reach import (
@@ -134,3 +134,9 @@ def test_an_episode_with_a_floating_wrist() -> None:
     assert (block.scores.iou > 0.6).all()
     frames = make_replay(cell, block).frames
     assert all(np.isfinite(frame.arm_m).all() for frame in frames)
+
+
+def test_a_box_the_wrong_way_round_is_refused() -> None:
+    """Every pose was unreachable."""
+    with pytest.raises(ValueError, match=r"box_low_mm should be below box_high_mm; are \(1.0, "):
+        arm_of(replace(FLOATING, box_low_m=(1.0, 1.0, 0.0)), 0.1)

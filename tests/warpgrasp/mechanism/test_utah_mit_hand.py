@@ -62,3 +62,15 @@ def test_fingers_that_lie_in_one_another_are_refused(key: str) -> None:
     assert np.isclose(apart.min(), 2 * least.link_radius_m)
     with pytest.raises(ValueError, match=f"overlap where .* apart; {key}m should be 22 at least"):
         hand_of(replace(least, **{key: 0.0215}))
+
+
+@pytest.mark.parametrize(("limits", "said"), [
+    ({"abduction_limit_rad": (0.4, -0.4)}, r"abduction_limit_deg should rise; are \(0.4,\) and"),
+    ({"flexion_low_rad": (1.6, 0.0, 0.0)}, "flexion_low_deg should be below flexion_high_deg; are"),
+    ({"flexion_high_rad": (1.5, 0.0, 1.6)}, "flexion_low_deg should be below flexion_high_deg"),
+])
+def test_limits_the_wrong_way_round_are_refused(
+        limits: dict[str, tuple[float, ...]], said: str) -> None:
+    """A spec's are; from Python fingers closed between stops that held them off each other."""
+    with pytest.raises(ValueError, match=said):
+        hand_of(replace(HAND, **limits))  # pyright: ignore[reportArgumentType]

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.core.kernel_launch import ShapeError
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.catalogue import body_from_name
@@ -157,3 +158,15 @@ def test_a_taxel_is_pressed_flat_beyond_its_thickness() -> None:
     k, flat = pads.stiffness_N_m, pads.flat_stiffness_N_m
     soft, deep = np.array([0.0005, 0.001]) - lift, 0.0015 - lift - pads.thickness_m
     np.testing.assert_allclose(found, [*(soft * k), pads.thickness_m * k + deep * flat], rtol=1e-6)
+
+
+@pytest.mark.parametrize(("name", "shape"), [
+    ("hand_pose", (1, 6)), ("body_pose", (2, 7)), ("q_rad", (1, 3, 4)), ("q_rad", (1, 4, 3))])
+def test_hands_of_another_shape_are_refused(name: str, shape: tuple[int, ...]) -> None:
+    """Some were an error of Warp that named no argument."""
+    pose = np.array([[0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]])
+    given = {"body_pose": pose, "hand_pose": pose, "q_rad": np.zeros((1, 4, 4))}
+    given[name] = np.zeros(shape)
+    with pytest.raises(ShapeError, match=f"{name}: of shape .*; should be "):
+        read_pads(scene_of([body_from_name("block")], "cpu"), np.zeros(1, int), hand=HandTable(),
+                  pads=PadTable(), key=np.zeros(1, np.uint64), **given)
