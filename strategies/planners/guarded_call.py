@@ -1,14 +1,18 @@
-"""Running a user's code: what would end or double this process becomes an error of that code."""
+"""Running a user's code: what would end or double this process becomes an error of that code, and
+an error that it was asked of many at once becomes one of those that it is about."""
 
 import os
 import signal
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
+MOST_BLAMED = 8
+"""Members of a batch at most that are found to be what errors were about."""
 
 
 class EndedProcess(Exception):
@@ -96,3 +100,22 @@ def _folder() -> str | None:
         return os.getcwd()
     except OSError:  # it was removed
         return None
+
+
+def told_apart(together: np.ndarray, again: Callable[[np.ndarray], np.ndarray]) -> None:
+    """Which members of a batch, numbers (member,), an error was about that ended them together.
+
+    They are asked of in halves, and those of a half that an error ends in halves of it, until an
+    error ends one alone: `again` asks of some, keeps what comes of it, and returns those that an
+    error ended. Once `MOST_BLAMED` were found the others stay ended together, so that code that
+    always fails costs little.
+    """
+    waiting, blamed = [together], 0
+    while waiting and blamed < MOST_BLAMED:
+        last = waiting.pop()
+        if len(last) < 2:
+            blamed += len(last)
+            continue
+        middle = len(last) // 2
+        for half in (last[middle:], last[:middle]):
+            waiting.append(again(half))

@@ -18,6 +18,7 @@ from fit.arrays import rows_of
 from fit.implicit.record import ImplicitFit, TriangleMesh
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.planners.guarded_call import told_apart
 from strategies.planners.planner_file import PlannerError
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.reconstruct.plug_in import NO_MESH, Touches, run_plug_in
@@ -194,13 +195,17 @@ def reconstruct(
     except PlannerError as error:
         fault = np.full(worlds, str(error), object)
         return Reconstruction(name, (NO_MESH,) * worlds, fault, 0.0)
-    rows = np.flatnonzero(asked)
-    answer = run_plug_in(function, _touches(
-        rows_of(recovered, rows), rows_of(evidence, rows), rows_of(prior, rows)))
     meshes, fault, note = [NO_MESH] * worlds, *(np.full(worlds, "", object) for _ in range(2))
-    fault[rows], note[rows] = answer.fault, answer.note
-    for row, mesh in zip(rows, answer.meshes, strict=True):
-        meshes[row] = mesh
+
+    def ask(rows: np.ndarray) -> np.ndarray:
+        answer = run_plug_in(function, _touches(
+            rows_of(recovered, rows), rows_of(evidence, rows), rows_of(prior, rows)))
+        fault[rows], note[rows] = answer.fault, answer.note
+        for row, mesh in zip(rows, answer.meshes, strict=True):
+            meshes[row] = mesh
+        return rows[answer.ended]
+
+    told_apart(ask(np.flatnonzero(asked)), ask)
     return Reconstruction(name, tuple(meshes), fault, time.perf_counter() - begin, note=note)
 
 

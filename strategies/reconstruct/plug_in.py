@@ -69,22 +69,25 @@ class PlugInBodies:
     """What was wrong, str (world,)."""
     note: np.ndarray
     """What its author may not have meant, str (world,): no body, or one that the box cuts off."""
+    ended: np.ndarray
+    """Worlds that an error ended which may have been about another one of them, bool (world,)."""
 
 
 def run_plug_in(function: Callable[..., Any], touches: Touches) -> PlugInBodies:
     """The bodies of all worlds, by a function of a user's."""
-    meshes, fault, cut = _answered(function, touches)
+    meshes, fault, cut, raised = _answered(function, touches)
     empty = np.array([len(mesh.faces) == 0 for mesh in meshes], bool)
     place = place_of(function)
     note = np.where(empty, f"{place}: gave no body, what was recovered stands", np.where(
         cut, f"{place}: its body is cut off by the sides or the top of the box from low_m to "
         "high_m; should distances there be positive?", ""))
-    return PlugInBodies(meshes, fault, np.where(fault == "", note, ""))
+    return PlugInBodies(meshes, fault, np.where(fault == "", note, ""),
+                        np.full(touches.worlds, raised))
 
 
 def _answered(function: Callable[..., Any], touches: Touches
-              ) -> tuple[list[TriangleMesh], np.ndarray, np.ndarray]:
-    """Meshes, faults, and whether the box cuts off a mesh, bool (world,)."""
+              ) -> tuple[list[TriangleMesh], np.ndarray, np.ndarray, bool]:
+    """Meshes, faults, whether the box cuts off a mesh, bool (world,), and whether it raised."""
     from fit.implicit.mesh import zero_set_meshes
 
     worlds = touches.worlds
@@ -98,19 +101,19 @@ def _answered(function: Callable[..., Any], touches: Touches
                                         touches.high_m)
                 fault[bad] = f"{place_of(function)}: a distance is not finite"
                 return [NO_MESH if none else mesh for none, mesh in zip(bad, found, strict=True)
-                        ], fault, cut
+                        ], fault, cut, False
             answer = list(answer) if isinstance(answer, Iterable) else answer
     except Exception as error:  # whatever a user's function may raise
         fault[:] = fault_text(function, error)
-        return meshes, fault, cut
+        return meshes, fault, cut, True
     if not isinstance(answer, list):
         what = "None" if answer is None else type(answer).__name__
         fault[:] = (f"{place_of(function)}: answered with {what}; should be a list of a mesh or "
                     "None for each world, or a function of (points_m, worlds)")
-        return meshes, fault, cut
+        return meshes, fault, cut, False
     if len(answer) != worlds:
         fault[:] = f"{place_of(function)}: {len(answer)} meshes for {worlds} worlds"
-        return meshes, fault, cut
+        return meshes, fault, cut, False
     for world, given in enumerate(answer):
         if given is None:
             continue
@@ -121,7 +124,7 @@ def _answered(function: Callable[..., Any], touches: Touches
             fault[world] = on_one_line(f"{place_of(function)}: {error!s:.400}")
         except Exception as error:
             fault[world] = fault_text(function, error)
-    return meshes, fault, cut
+    return meshes, fault, cut, False
 
 
 def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray, bad: np.ndarray

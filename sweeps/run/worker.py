@@ -26,6 +26,7 @@ from pathlib import Path
 
 import numpy as np
 
+from strategies.planners.guarded_call import told_apart
 from sweeps.run.changed_files import ChangedFilesError, check_files
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns, write_files
@@ -35,8 +36,6 @@ RunCells = Callable[[Sequence[tuple[Cell, np.ndarray]], str], list[Columns]]
 """Rows of each of some cells, of the episodes named with it; on a device."""
 SAY_WHERE = signal.SIGUSR1  # a worker answers with where each of its threads is, in its log
 EPISODES = "sweeps.episode.episodes:run_cells"
-MOST_BLAMED = 8
-"""Episodes of a unit at most that are found to be what an error of a strategy was about."""
 NAMED = ("episode", "strategy", "object", "seed")  # columns that a unit gives its rows
 # One thread each: two workers on two cores must not fight, and sums must not depend on threads.
 # What fits are compiled with is `fit.optimize.xla_flags`' and the same in all processes.
@@ -133,28 +132,18 @@ def run_units(run_cells: RunCells, units: Sequence[Unit], device: str) -> list[C
 
 def _told_apart(run_cells: RunCells, cell: Cell, episodes: np.ndarray, rows: Columns, device: str
                 ) -> Columns:
-    """The rows of a cell, where one error of the strategy ended several episodes: which of them it
-    was about.
+    """The rows of a cell, those of episodes run again that one error of the strategy ended."""
+    def again(some: np.ndarray) -> np.ndarray:
+        nonlocal rows
+        found, = run_cells([(cell, episodes[some])], device)
+        ended = found.pop(ENDED, np.zeros(len(some), bool))
+        source = np.arange(len(episodes))
+        source[some] = len(episodes) + np.arange(len(some))
+        rows = {name: np.concatenate([values, found[name]])[source]
+                for name, values in rows.items()}
+        return some[ended]
 
-    They are run again in halves, and those of a half that an error ends in halves of it, until an
-    error ends one episode alone. Once there are `MOST_BLAMED` of these, the others stay ended
-    together, so that a strategy that always fails costs little.
-    """
-    together = [np.flatnonzero(rows.pop(ENDED, np.zeros(len(episodes), bool)))]
-    blamed = 0
-    while together and blamed < MOST_BLAMED:
-        last = together.pop()
-        if len(last) < 2:
-            blamed += len(last)
-            continue
-        middle = len(last) // 2
-        for half in (last[middle:], last[:middle]):
-            again = run_cells([(cell, episodes[half])], device)[0]
-            together.append(half[again.pop(ENDED, np.zeros(len(half), bool))])
-            source = np.arange(len(episodes))
-            source[half] = len(episodes) + np.arange(len(half))
-            rows = {name: np.concatenate([values, again[name]])[source]
-                    for name, values in rows.items()}
+    told_apart(np.flatnonzero(rows.pop(ENDED, np.zeros(len(episodes), bool))), again)
     return rows
 
 

@@ -115,6 +115,11 @@ def not_real(touches):
 def not_finite(touches):
     return lambda points, worlds: np.full(points.shape[:2], np.nan)
 
+def fails_far_off(touches):
+    if (touches.points_m[..., 0] > 0.1).any():
+        raise KeyError("nothing so far off was learnt")
+    return balls(touches)
+
 def one_not_finite(touches):
     def distance(points, worlds):
         return np.where(worlds[:, None] == 1, np.inf, balls(touches)(points, worlds))
@@ -165,6 +170,21 @@ def test_a_world_without_an_answer_keeps_what_was_recovered(asked) -> None:
     found = asked("second_only")
     assert found.made.tolist() == [False, True]
     assert not found.fault.any()
+
+
+def test_an_error_is_a_fault_of_the_worlds_that_it_is_about(tmp_path) -> None:
+    """It was a fault of all."""
+    (tmp_path / "mine.py").write_text(FUNCTIONS)
+    points = np.full((7, 9, 3), 0.03)
+    points[[1, 5], 2, 0] = 0.2
+    found = reconstruct(f"{tmp_path}/mine.py:fails_far_off", spheres(7), felt(points), prior(7),
+                        FitTable())
+    assert np.flatnonzero(found.fault != "").tolist() == [1, 5]
+    assert "KeyError: 'nothing so far off was learnt'" in found.fault[5]
+    assert found.made.tolist() == [world not in (1, 5) for world in range(7)]
+    alone = reconstruct(f"{tmp_path}/mine.py:balls", spheres(7), felt(points), prior(7), FitTable())
+    for mine, other in zip(found.meshes, alone.meshes, strict=True):
+        assert len(mine.faces) == 0 or np.array_equal(mine.vertices_m, other.vertices_m)
 
 
 @pytest.mark.parametrize(("name", "said"), [
