@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fit.fit_status import FitStatus, is_fitted
+from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.geometry import straight_coordinates
@@ -21,6 +22,9 @@ WIDE_FACTOR = 1.5
 """Upper over lower bound of a volume's 90 % interval from which touches tell little of it [est]."""
 OPEN_TURN_RAD = np.pi
 """Touches about an axis that leave so much of a turn open lie on one side."""
+VAGUE_DEG = 10.0
+"""Of a plane's normal, either way with 90 %, from which touches tell little of it [est]."""
+NORMAL_90 = 1.645
 END_SHARE = 0.04
 """Of its height that a surface of revolution may reach beyond its touches [est]."""
 _DIRECTIONS = 256
@@ -73,6 +77,18 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
         notes.append(f"bodies end beyond their last touches, where nothing tells their height: "
                      f"{named(ends)}")
     return notes
+
+
+def plane_advice(sets: PointSets, found: PlaneFit) -> list[str]:
+    """Notes of planes whose normals their touches tell badly: along a line, in two places, few."""
+    known = np.isfinite(found.covariance).all((1, 2))
+    turns = np.where(known[:, None, None], found.covariance, 0.0)[:, :2, :2]
+    deviation = np.sqrt(np.maximum(np.linalg.eigvalsh(turns)[:, -1], 0.0))
+    wide = np.where(known, NORMAL_90 * np.degrees(deviation), 90.0) > VAGUE_DEG
+    vague = [name for name, is_vague in zip(sets.names, wide & is_fitted(found.status),
+                                            strict=True) if is_vague]
+    return [f"touches are few, or too close to a line for their errors, so that normals may err by "
+            f"{VAGUE_DEG:g} degrees and more: {named(vague)}"] if vague else []
 
 
 _POOR = f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms)"

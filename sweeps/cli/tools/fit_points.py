@@ -23,7 +23,12 @@ from fit.points_csv import (
     rows_csv,
     superquadric_rows,
 )
-from sweeps.cli.tools.fit_advice import named, revolution_advice, superquadric_advice
+from sweeps.cli.tools.fit_advice import (
+    named,
+    plane_advice,
+    revolution_advice,
+    superquadric_advice,
+)
 from sweeps.output import note
 from sweeps.result_file import why_unwritable, write_result
 from sweeps.spec.errors import StoreError
@@ -95,7 +100,9 @@ def _advice(shape: str, sets: PointSets, found: Any, robust: bool, table_z_m: fl
     """Notes of fits that may be wrong."""
     if shape == "superquadric":
         return superquadric_advice(sets, found, robust=robust, table_z_m=table_z_m)
-    return revolution_advice(sets, found, table_z_m=table_z_m) if shape == "revolution" else []
+    if shape == "revolution":
+        return revolution_advice(sets, found, table_z_m=table_z_m)
+    return plane_advice(sets, found)
 
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:

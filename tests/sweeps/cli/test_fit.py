@@ -290,6 +290,18 @@ def test_contours_that_end_beyond_their_touches_and_steps_are_named(
             assert (f"c{index} (" in beyond) == (over > 0.04), row
 
 
+def test_planes_of_touches_along_a_line_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(4)
+    face = rng.uniform(-0.5, 0.5, (40, 3)) * [0.06, 0.04, 0.0]
+    sets = {"face": face, "line": face * [1.0, 0.02, 0.0], "ends": np.sign(face) * [0.02, 0, 0],
+            "three": face[:3]}
+    errors = {name: 0.001 * rng.normal(size=points.shape) for name, points in sets.items()}
+    points = write(tmp_path / "p.csv", {name: sets[name] + errors[name] for name in sets})
+    assert cli.run(["fit", "plane", str(points), "-o", str(tmp_path / "fits.csv")]) == 0
+    assert "10 degrees and more: line, ends, three\n" in capsys.readouterr().err
+
+
 def test_a_name_is_no_formula(tmp_path: Path) -> None:
     points = write(tmp_path / "points.csv", {"trial $\\alpha_{$": touches(1)})
     out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"
