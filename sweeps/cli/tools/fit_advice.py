@@ -81,8 +81,8 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
 
 def plane_advice(sets: PointSets, found: PlaneFit) -> list[str]:
     """Notes of planes whose normals their touches tell badly: along a line, in two places, few."""
-    known = np.isfinite(found.covariance).all((1, 2))
-    turns = np.where(known[:, None, None], found.covariance, 0.0)[:, :2, :2]
+    known = np.isfinite(found.covariance).all(axis=(1, 2))
+    turns = np.where(np.isfinite(found.covariance), found.covariance, 0.0)[:, :2, :2]
     deviation = np.sqrt(np.maximum(np.linalg.eigvalsh(turns)[:, -1], 0.0))
     wide = np.where(known, NORMAL_90 * np.degrees(deviation), 90.0) > VAGUE_DEG
     vague = [name for name, is_vague in zip(sets.names, wide & is_fitted(found.status),
