@@ -82,9 +82,10 @@ def screen(
 
 def finish(
     problem: Problem, theta, lanes: Any, damping=None, *, at_a_time: int, at_most: int,
-    least_fall: float = LEAST_FALL,
+    least_fall: float = LEAST_FALL, least_cost: float = MIN_COST,
 ) -> Solution:
-    """Descend until a round of `at_a_time` iterations lowers the cost by less than `least_fall`.
+    """Descend until a round of `at_a_time` iterations lowers the cost by less than `least_fall`, or
+    to less than `least_cost`, below which only rounding is left.
 
     `damping` is that of the descents that led to `theta`; None restarts them. Stops after `at_most`
     iterations, in whole rounds.
@@ -102,7 +103,7 @@ def finish(
         rejected = (moved.theta == theta[active]).all(axis=1) & (moved.damping < CONCLUSIVE_DAMPING)
         theta[active], damping[active], cost[active] = moved.theta, moved.damping, moved.cost
         iterations[active] += at_a_time
-        done = (moved.decrease < least_fall) & ~rejected | (moved.cost < MIN_COST)
+        done = (moved.decrease < least_fall) & ~rejected | (moved.cost < least_cost)
         status[active[done]] = FitStatus.converged
         active = active[~done]
     return Solution(theta, cost, iterations, status)

@@ -22,7 +22,7 @@ from fit.optimize.pieces import PIECE, divided, undivided
 from fit.option_checks import MOST_WEIGHT, checked_array, options_of
 from fit.prepare import Sets, prepare
 from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
-from fit.revolution.residuals import BY_POINT, FitData, evaluate, normal_equations
+from fit.revolution.residuals import BY_POINT, EXACT_COST, FitData, evaluate, normal_equations
 from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
 
@@ -135,7 +135,7 @@ def _fit_bucket(
             lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
             found = advance(problem, found, lanes, options.round_iterations).theta
     end = finish(problem, found, lanes, at_a_time=options.round_iterations,
-                 at_most=options.iterations, least_fall=options.least_fall)
+                 at_most=options.iterations, least_fall=options.least_fall, least_cost=EXACT_COST)
     return _rows(end, lanes, sets, options)
 
 

@@ -17,6 +17,11 @@ from fit.superquadric.parameter_vector import Tensor
 
 BY_POINT = ("points", "weight")
 """Fields of `FitData` with a value for each touch."""
+ROUNDED = 1e-14
+"""Added to the square of each distance, so that it has a slope on the contour."""
+EXACT_COST = ROUNDED
+"""Cost of a fit, in unit frames, below which only rounding is left: where all touches lie on the
+contour it is half of `ROUNDED`."""
 
 
 class FitData(NamedTuple):
@@ -152,7 +157,7 @@ def nearest_of_contour(
     low = below.astype(jnp.int32)
     wall = radius[low] + (place - below) * (radius[low + 1] - radius[low])
     side = jnp.where((s > 0.0) & (s < height) & (rho < wall), -1.0, 1.0)
-    length = jnp.sqrt(off_s**2 + off_rho**2 + 1e-14)
+    length = jnp.sqrt(off_s**2 + off_rho**2 + ROUNDED)
     return Nearest(side * length, side * off_s / length, side * off_rho / length,
                    h0 + share * dh, segment, share)
 

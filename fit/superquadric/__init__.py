@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "descent": ["begin_starts"],
     "fit": ["fit_superquadric"],
     "geometry": ["Superquadric", "SuperquadricLike", "cube_grid", "from_straight_frame",
-        "superquadric", "superquadric_areas", "superquadric_inside_outside",
+        "straight_coordinates", "superquadric", "superquadric_areas", "superquadric_inside_outside",
         "superquadric_normals", "superquadric_points", "superquadric_surface",
         "superquadric_volume"],
     "moments": ["DESCRIPTION", "description_covariance", "superquadric_description"],

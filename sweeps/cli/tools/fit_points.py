@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from fit.arrays import joined, rows_of
-from fit.fit_status import FAR, LEAST_EXTENT_M, FitStatus, status_names
+from fit.fit_status import FAR, LEAST_EXTENT_M, status_names
 from fit.point_sets import PointSets
 from fit.points_csv import (
     plane_rows,
@@ -23,7 +23,12 @@ from fit.points_csv import (
     rows_csv,
     superquadric_rows,
 )
-from fit.superquadric.record import SuperquadricFit
+from sweeps.cli.tools.fit_advice import (
+    named,
+    plane_advice,
+    revolution_advice,
+    superquadric_advice,
+)
 from sweeps.output import note
 from sweeps.result_file import why_unwritable, write_result
 from sweeps.spec.errors import StoreError
@@ -39,10 +44,6 @@ LEAST_NORMALS, INWARD_M = 8, 0.001
 """So many normals, half of which point inwards by more than what touches of a flat face may."""
 MOST_NORMAL_DEG = 90.0
 """Normals that err by more tell nothing."""
-LARGE_RMS_M = 0.002
-"""Touches of a fingertip are nearer to the body that they were made on [est]."""
-MOST_NAMED = 10
-"""Sets named in one message."""
 
 
 def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
@@ -82,36 +83,26 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
         print(path)
     became, count = Counter(status_names(found.status)), len(sets.names)
     note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
-    if shape == "superquadric" and (advice := _advice(sets.names, found, robust)):
+    for advice in _advice(shape, sets, found, robust, table_z_m):
         note(advice)
     return 0
 
 
 def _left_out(sets: PointSets) -> str:
     """Which sets have touches with a missing coordinate, and how many."""
-    return "touches with a missing coordinate are left out: " + _named(
+    return "touches with a missing coordinate are left out: " + named(
         [f"{count} of set {name}" for name, count in zip(sets.names, sets.left_out, strict=True)
          if count])
 
 
-def _advice(names: tuple[str, ...], found: SuperquadricFit, robust: bool) -> str:
-    """What may help where superquadrics did not converge or lie far off; empty if all are well."""
-    poor = [f"{name} ({1e3 * rms:.2g} mm)" for name, rms, status in
-            zip(names, found.rms_m, found.status, strict=True)
-            if status == FitStatus.not_converged or (
-                status == FitStatus.converged and rms > LARGE_RMS_M)]
-    if not poor:
-        return ""
-    wrong = "" if robust else "if touches may be wrong, try --robust; "
-    return (f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms): {_named(poor)}; "
-            f"{wrong}if the body is no superquadric, a free form (fit.implicit, "
-            "docs/free_forms.md) follows it")
-
-
-def _named(found: list[str]) -> str:
-    """The first of a list, and how many more there are."""
-    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
-    return ", ".join(found[:MOST_NAMED]) + more
+def _advice(shape: str, sets: PointSets, found: Any, robust: bool, table_z_m: float | None
+            ) -> list[str]:
+    """Notes of fits that may be wrong."""
+    if shape == "superquadric":
+        return superquadric_advice(sets, found, robust=robust, table_z_m=table_z_m)
+    if shape == "revolution":
+        return revolution_advice(sets, found, table_z_m=table_z_m)
+    return plane_advice(sets, found)
 
 
 def _check_table(sets: PointSets, table_z_m: float) -> None:

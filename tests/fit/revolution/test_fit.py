@@ -128,3 +128,17 @@ def test_middles_of_other_sets_are_refused() -> None:
     points = bottle(2, 20, 1e-3, np.random.default_rng(9))
     with pytest.raises(ValueError, match=r"middle.point_m: shape \(3, 3\), should be \(2, 3\)"):
         fit_revolution(points, middle=Middle(np.zeros((3, 3)), np.ones(3)))
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 0.05])
+def test_a_cone_touched_without_error_converges(smoothing: float) -> None:
+    rng = np.random.default_rng(5)
+    z, turn = rng.uniform(0, 0.12, (6, 60)), rng.uniform(-np.pi, np.pi, (6, 60))
+    radius = 0.04 - 0.18 * z
+    points = np.stack([radius * np.cos(turn), radius * np.sin(turn), z], axis=2)
+    found = fit_revolution(points, table_z=0.0, options=RevolutionOptions(smoothing=smoothing))
+    assert found.status.tolist() == [FitStatus.converged] * 6
+    assert found.rms_m.max() < 1e-7
+    share = np.linspace(0.0, 1.0, 8)
+    height = found.position_m[:, 2:] + found.height_m[:, None] * share
+    assert np.allclose(found.radius_m, 0.04 - 0.18 * height, atol=1e-6)

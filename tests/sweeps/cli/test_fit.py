@@ -252,6 +252,56 @@ def test_fits_far_off_their_touches_come_with_advice(
     assert capsys.readouterr().err == "1 set: 1 converged\n"
 
 
+def test_bodies_touched_on_one_side_or_hardly_at_all_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    around = touches(1)
+    sets = {"around": around, "side": around[around[:, 0] < 0.44],
+            "patch": around[around[:, 0] < 0.44] * [1.0, 0.1, 0.1], "few": around[:8]}
+    arguments = [str(write(tmp_path / "p.csv", sets)), "-o", str(tmp_path / "fits.csv")]
+    assert cli.run(["fit", "superquadric", *arguments]) == 0
+    said = capsys.readouterr().err
+    assert "leave a side open, so that volumes may be far off: side, patch, few; " in said
+    assert cli.run(["fit", "revolution", *arguments]) == 0
+    said = capsys.readouterr().err
+    assert "one side of the axis, which they tell badly: side" in said
+    assert "around" not in said.split("one side of the axis")[1].splitlines()[0]
+
+
+def test_contours_that_end_beyond_their_touches_and_steps_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Beyond the last touch nothing tells a height: some fits stop there, and others do not."""
+    rng = np.random.default_rng(5)
+    z, turn = rng.uniform(0.0, 0.12, (24, 72)), rng.uniform(-np.pi, np.pi, (24, 72))
+    way = np.stack([np.cos(turn), np.sin(turn)], axis=2)
+    straight = np.concatenate([0.035 * way, z[..., None]], axis=2)
+    straight += 1e-4 * rng.normal(size=straight.shape)
+    step = np.concatenate([np.where(z < 0.06, 0.04, 0.02)[..., None] * way, z[..., None]], axis=2)
+    sets = {f"c{k}": points for k, points in enumerate(straight)} | {"step": step[0]}
+    out = tmp_path / "fits.csv"
+    assert cli.run(["fit", "revolution", str(write(tmp_path / "p.csv", sets)), "--table-z", "0",
+                    "-o", str(out)]) == 0
+    said = capsys.readouterr().err
+    poor, beyond = (next(line for line in said.splitlines() if words in line)
+                    for words in ("(rms): step (", "bodies end beyond their last touches"))
+    assert "steps and edges of a contour are rounded" in poor
+    for index, row in enumerate(read(out)[1][:24]):
+        over = float(row["height_m"]) / straight[index, :, 2].max() - 1.0
+        if abs(over - 0.04) > 0.005:
+            assert (f"c{index} (" in beyond) == (over > 0.04), row
+
+
+def test_planes_of_touches_along_a_line_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rng = np.random.default_rng(4)
+    face = rng.uniform(-0.5, 0.5, (40, 3)) * [0.06, 0.04, 0.0]
+    sets = {"face": face, "line": face * [1.0, 0.02, 0.0], "ends": np.sign(face) * [0.02, 0, 0],
+            "three": face[:3]}
+    errors = {name: 0.001 * rng.normal(size=points.shape) for name, points in sets.items()}
+    points = write(tmp_path / "p.csv", {name: sets[name] + errors[name] for name in sets})
+    assert cli.run(["fit", "plane", str(points), "-o", str(tmp_path / "fits.csv")]) == 0
+    assert "10 degrees and more: line, ends, three\n" in capsys.readouterr().err
+
+
 def test_a_name_is_no_formula(tmp_path: Path) -> None:
     points = write(tmp_path / "points.csv", {"trial $\\alpha_{$": touches(1)})
     out, figure = tmp_path / "fits.csv", tmp_path / "fits.png"

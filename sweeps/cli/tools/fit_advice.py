@@ -1,0 +1,156 @@
+"""What `warpgrasp fit` says of fits that may be wrong although their touches lie on them."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from fit.fit_status import FitStatus, is_fitted
+from fit.plane_record import PlaneFit
+from fit.point_sets import PointSets
+from fit.revolution.record import RevolutionFit
+from fit.superquadric.geometry import straight_coordinates
+from fit.superquadric.record import SuperquadricFit
+from fit.superquadric.uncertainty import superquadric_uncertainty
+
+LARGE_RMS_M = 0.002
+"""Touches of a fingertip are nearer to the body that they were made on [est]."""
+MOST_NAMED = 10
+"""Sets named in one message."""
+OPEN_DEG = 75.0
+"""Touches all around leave no cone about the middle open that is as wide as this from its axis to
+its side, in units of half extents [est]."""
+WIDE_FACTOR = 1.5
+"""Upper over lower bound of a volume's 90 % interval from which touches tell little of it [est]."""
+OPEN_TURN_RAD = np.pi
+"""Touches about an axis that leave so much of a turn open lie on one side."""
+VAGUE_DEG = 10.0
+"""Of a plane's normal, either way with 90 %, from which touches tell little of it [est]."""
+NORMAL_90 = 1.645
+END_SHARE = 0.04
+"""Of its height that a surface of revolution may reach beyond its touches [est]."""
+_DIRECTIONS = 256
+_SETS_AT_ONCE = 512
+
+
+def superquadric_advice(sets: PointSets, found: SuperquadricFit, *, robust: bool,
+                        table_z_m: float | None) -> list[str]:
+    """Notes of superquadrics that did not converge or lie far off, and of those that their touches
+    tell little of."""
+    notes = []
+    if poor := _poor(sets.names, found):
+        wrong = "" if robust else "if touches may be wrong, try --robust; "
+        notes.append(f"{_POOR}: {named(poor)}; {wrong}if the body is no superquadric, a free form "
+                     "(fit.implicit, docs/free_forms.md) follows it")
+    vague = [name for name, is_vague in zip(sets.names, _vague(sets, found, table_z_m),
+                                            strict=True) if is_vague]
+    if vague:
+        notes.append(f"touches are few or leave a side open, so that volumes may be far off: "
+                     f"{named(vague)}; touch all around, or give --table-z")
+    return notes
+
+
+def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float | None
+                      ) -> list[str]:
+    """Notes of surfaces of revolution that did not converge or lie far off, were touched on one
+    side, or end where no touch is."""
+    notes = []
+    if poor := _poor(sets.names, found):
+        notes.append(f"{_POOR}: {named(poor)}; leave out touches that may be wrong; steps and "
+                     "edges of a contour are rounded")
+    sides, ends = [], []
+    for index, name in enumerate(sets.names):
+        if not is_fitted(found.status[index]):
+            continue
+        arm = sets.touches_m[sets.slots(index)] - found.position_m[index]
+        arm = arm[np.isfinite(arm).all(1)]
+        along = arm @ found.axis[index]
+        if _open_turn_rad(arm - along[:, None] * found.axis[index]) > OPEN_TURN_RAD:
+            sides.append(name)
+        height = found.height_m[index]
+        below = along.min() if table_z_m is None else 0.0
+        beyond = max(height - along.max(), below)
+        if beyond > END_SHARE * height:
+            ends.append(f"{name} ({1e3 * beyond:.2g} mm)")
+    if sides:
+        notes.append(f"all touches lie on one side of the axis, which they tell badly: "
+                     f"{named(sides)}")
+    if ends:
+        notes.append(f"bodies end beyond their last touches, where nothing tells their height: "
+                     f"{named(ends)}")
+    return notes
+
+
+def plane_advice(sets: PointSets, found: PlaneFit) -> list[str]:
+    """Notes of planes whose normals their touches tell badly: along a line, in two places, few."""
+    known = np.isfinite(found.covariance).all(axis=(1, 2))
+    turns = np.where(np.isfinite(found.covariance), found.covariance, 0.0)[:, :2, :2]
+    deviation = np.sqrt(np.maximum(np.linalg.eigvalsh(turns)[:, -1], 0.0))
+    wide = np.where(known, NORMAL_90 * np.degrees(deviation), 90.0) > VAGUE_DEG
+    vague = [name for name, is_vague in zip(sets.names, wide & is_fitted(found.status),
+                                            strict=True) if is_vague]
+    return [f"touches are few, or too close to a line for their errors, so that normals may err by "
+            f"{VAGUE_DEG:g} degrees and more: {named(vague)}"] if vague else []
+
+
+_POOR = f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms)"
+
+
+def named(found: list[str]) -> str:
+    """The first of a list, and how many more there are."""
+    more = f" and {len(found) - MOST_NAMED} more" if len(found) > MOST_NAMED else ""
+    return ", ".join(found[:MOST_NAMED]) + more
+
+
+def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit) -> list[str]:
+    """Sets that did not converge or whose touches lie far off, with their rms."""
+    return [f"{name} ({1e3 * rms:.2g} mm)" for name, rms, status in
+            zip(names, found.rms_m, found.status, strict=True)
+            if status == FitStatus.not_converged or (
+                status == FitStatus.converged and rms > LARGE_RMS_M)]
+
+
+def _vague(sets: PointSets, found: SuperquadricFit, table_z_m: float | None
+           ) -> Bool[np.ndarray, " fit"]:
+    """Of which bodies the touches tell little: their volumes have wide intervals, or a cone about
+    their middle holds no touch."""
+    vague = np.zeros(len(found), bool)
+    rows = np.flatnonzero(is_fitted(found.status))
+    rows = rows[np.argsort(sets.count[rows], kind="stable")]
+    for first in range(0, len(rows), _SETS_AT_ONCE):
+        part = rows[first:first + _SETS_AT_ONCE]
+        points, mask, _ = sets.padded(part)
+        mask &= np.isfinite(points).all(2)
+        bodies = found[part]
+        low, high = superquadric_uncertainty(
+            bodies, points, mask, table_z=table_z_m).volume_interval_m3().T
+        vague[part] = ((high > WIDE_FACTOR * low)
+                       | (_open_deg(bodies, points, mask, table_z_m) > OPEN_DEG))
+    return vague
+
+
+def _open_deg(bodies: SuperquadricFit, points: Float[np.ndarray, "fit point 3"],
+              mask: Bool[np.ndarray, "fit point"], table_z_m: float | None
+              ) -> Float[np.ndarray, " fit"]:
+    """Half the angle of the widest cone about each middle that holds no touch; the table counts as
+    a touch below it."""
+    if table_z_m is not None:
+        below = bodies.position_m[:, None] * [1.0, 1.0, 0.0] + [0.0, 0.0, table_z_m]
+        points = np.concatenate([points, below], axis=1)
+        mask = np.pad(mask, [(0, 0), (0, 1)], constant_values=True)
+    points = np.where(mask[..., None], points, bodies.position_m[:, None])
+    straight = np.stack(straight_coordinates(bodies, points), axis=-1)
+    straight = straight / np.maximum(bodies.size_m, 1e-9)[:, None]
+    length = np.linalg.norm(straight, axis=2, keepdims=True)
+    unit = np.where(mask[..., None] & (length > 1e-9), straight / np.maximum(length, 1e-9), 0.0)
+    z = 1.0 - 2.0 * (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS
+    turn = np.arange(_DIRECTIONS) * np.pi * (3.0 - 5.0**0.5)
+    ring = np.sqrt(1.0 - z**2)
+    ways = np.stack([ring * np.cos(turn), ring * np.sin(turn), z], axis=1)
+    nearest = np.array([(ways @ own.T).max(1).min() for own in unit])
+    return np.degrees(np.arccos(np.clip(nearest, -1.0, 1.0)))
+
+
+def _open_turn_rad(arm: Float[np.ndarray, "point 3"]) -> float:
+    """The largest turn about an axis without a touch, of touches' radial vectors."""
+    u, v = np.linalg.svd(arm, full_matrices=False)[2][:2]
+    turn = np.sort(np.arctan2(arm @ v, arm @ u))
+    return float(np.diff(turn, append=turn[0] + 2.0 * np.pi).max())
