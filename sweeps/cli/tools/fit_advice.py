@@ -7,9 +7,7 @@ from fit.fit_status import FitStatus, is_fitted
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
-from fit.superquadric.geometry import straight_coordinates
 from fit.superquadric.record import SuperquadricFit
-from fit.superquadric.uncertainty import superquadric_uncertainty
 
 LARGE_RMS_M = 0.002
 """Touches of a fingertip are nearer to the body that they were made on [est]."""
@@ -28,23 +26,21 @@ NORMAL_90 = 1.645
 END_SHARE = 0.04
 """Of its height that a surface of revolution may reach beyond its touches [est]."""
 _DIRECTIONS = 256
-_SETS_AT_ONCE = 512
 
 
-def superquadric_advice(sets: PointSets, found: SuperquadricFit, *, robust: bool,
-                        table_z_m: float | None) -> list[str]:
-    """Notes of superquadrics that did not converge or lie far off, and of those that their touches
-    tell little of."""
+def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.ndarray, " fit"],
+                        *, robust: bool) -> list[str]:
+    """Notes of superquadrics that did not converge or lie far off, and of those that are `vague`.
+    """
     notes = []
     if poor := _poor(sets.names, found):
         wrong = "" if robust else "if touches may be wrong, try --robust; "
         notes.append(f"{_POOR}: {named(poor)}; {wrong}if the body is no superquadric, a free form "
                      "(fit.implicit, docs/free_forms.md) follows it")
-    vague = [name for name, is_vague in zip(sets.names, _vague(sets, found, table_z_m),
-                                            strict=True) if is_vague]
-    if vague:
+    if vague.any():
+        names = [name for name, is_vague in zip(sets.names, vague, strict=True) if is_vague]
         notes.append(f"touches are few or leave a side open, so that volumes may be far off: "
-                     f"{named(vague)}; touch all around, or give --table-z")
+                     f"{named(names)}; touch all around, or give --table-z")
     return notes
 
 
@@ -108,22 +104,24 @@ def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit) -> lis
                 status == FitStatus.converged and rms > LARGE_RMS_M)]
 
 
-def _vague(sets: PointSets, found: SuperquadricFit, table_z_m: float | None
-           ) -> Bool[np.ndarray, " fit"]:
+def vague_superquadrics(
+    found: SuperquadricFit, points: Float[np.ndarray, "fit point 3"],
+    mask: Bool[np.ndarray, "fit point"], table_z_m: float | None,
+) -> Bool[np.ndarray, " fit"]:
     """Of which bodies the touches tell little: their volumes have wide intervals, or a cone about
     their middle holds no touch."""
+    from fit.superquadric.uncertainty import superquadric_uncertainty
+
     vague = np.zeros(len(found), bool)
     rows = np.flatnonzero(is_fitted(found.status))
-    rows = rows[np.argsort(sets.count[rows], kind="stable")]
-    for first in range(0, len(rows), _SETS_AT_ONCE):
-        part = rows[first:first + _SETS_AT_ONCE]
-        points, mask, _ = sets.padded(part)
-        mask &= np.isfinite(points).all(2)
-        bodies = found[part]
-        low, high = superquadric_uncertainty(
-            bodies, points, mask, table_z=table_z_m).volume_interval_m3().T
-        vague[part] = ((high > WIDE_FACTOR * low)
-                       | (_open_deg(bodies, points, mask, table_z_m) > OPEN_DEG))
+    if len(rows) == 0:
+        return vague
+    bodies, points = found[rows], points[rows]
+    touched = mask[rows] & np.isfinite(points).all(2)
+    low, high = superquadric_uncertainty(
+        bodies, points, touched, table_z=table_z_m).volume_interval_m3().T
+    vague[rows] = ((high > WIDE_FACTOR * low)
+                   | (_open_deg(bodies, points, touched, table_z_m) > OPEN_DEG))
     return vague
 
 
@@ -132,6 +130,8 @@ def _open_deg(bodies: SuperquadricFit, points: Float[np.ndarray, "fit point 3"],
               ) -> Float[np.ndarray, " fit"]:
     """Half the angle of the widest cone about each middle that holds no touch; the table counts as
     a touch below it."""
+    from fit.superquadric.geometry import straight_coordinates
+
     if table_z_m is not None:
         below = bodies.position_m[:, None] * [1.0, 1.0, 0.0] + [0.0, 0.0, table_z_m]
         points = np.concatenate([points, below], axis=1)

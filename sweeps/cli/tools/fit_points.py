@@ -28,6 +28,7 @@ from sweeps.cli.tools.fit_advice import (
     plane_advice,
     revolution_advice,
     superquadric_advice,
+    vague_superquadrics,
 )
 from sweeps.output import note
 from sweeps.result_file import why_unwritable, write_result
@@ -69,8 +70,8 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
         for name in inward(sets):
             note(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
-    found = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
-                             table_z_m=table_z_m, normal_deg=normal_deg)
+    found, vague = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
+                                    table_z_m=table_z_m, normal_deg=normal_deg)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
         files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
@@ -83,7 +84,7 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
         print(path)
     became, count = Counter(status_names(found.status)), len(sets.names)
     note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
-    for advice in _advice(shape, sets, found, robust, table_z_m):
+    for advice in _advice(shape, sets, found, vague, robust, table_z_m):
         note(advice)
     return 0
 
@@ -95,11 +96,11 @@ def _left_out(sets: PointSets) -> str:
          if count])
 
 
-def _advice(shape: str, sets: PointSets, found: Any, robust: bool, table_z_m: float | None
-            ) -> list[str]:
+def _advice(shape: str, sets: PointSets, found: Any, vague: np.ndarray, robust: bool,
+            table_z_m: float | None) -> list[str]:
     """Notes of fits that may be wrong."""
     if shape == "superquadric":
-        return superquadric_advice(sets, found, robust=robust, table_z_m=table_z_m)
+        return superquadric_advice(sets, found, vague, robust=robust)
     if shape == "revolution":
         return revolution_advice(sets, found, table_z_m=table_z_m)
     return plane_advice(sets, found)
@@ -150,21 +151,24 @@ def inward(sets: PointSets) -> list[str]:
     return out
 
 
-def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> Any:
-    """The fits of all sets, in order, by as many processes as there are cores where sets suffice.
+def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> tuple[Any, np.ndarray]:
+    """The fits of all sets, in order, by as many processes as there are cores where sets suffice;
+    and of which superquadrics the touches tell little, bool (set,).
 
     A fit depends only on its own points, so that the rows are the same however they are shared out.
     """
     count, cores = len(sets.names), core_count()
     alone = shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS
     groups = _groups(sets, count if alone else SETS_A_PROCESS)
-    parts, one = map(sets.padded, groups), partial(fit_padded, shape, **options)
+    parts, one = map(sets.padded, groups), partial(_fitted, shape, **options)
     if alone:
         found = list(map(one, parts))
     else:
         with ProcessPoolExecutor(min(cores, len(groups)), get_context("spawn")) as pool:
             found = list(pool.map(one, parts))
-    return rows_of(joined(found), np.argsort(np.concatenate(groups)))
+    order = np.argsort(np.concatenate(groups))
+    return (rows_of(joined([fits for fits, _ in found]), order),
+            np.concatenate([vague for _, vague in found])[order])
 
 
 def _groups(sets: PointSets, most: int) -> list[np.ndarray]:
@@ -175,6 +179,14 @@ def _groups(sets: PointSets, most: int) -> list[np.ndarray]:
     width = np.array([point_bucket(int(count)) for count in sets.count])
     same = [np.flatnonzero(width == of) for of in np.unique(width)]
     return [group[first:first + most] for group in same for first in range(0, len(group), most)]
+
+
+def _fitted(shape: str, sets: tuple, **options: Any) -> tuple[Any, np.ndarray]:
+    """`fit_padded`, and of which superquadrics the touches tell little."""
+    found, (points, mask, _) = fit_padded(shape, sets, **options), sets
+    if shape != "superquadric":
+        return found, np.zeros(len(mask), bool)
+    return found, vague_superquadrics(found, points, mask, options["table_z_m"])
 
 
 def fit_padded(shape: str, sets: tuple, *, taper: bool = False, bend: bool = False,
