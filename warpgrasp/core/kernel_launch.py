@@ -51,8 +51,13 @@ def set_thread_count(count: int) -> None:
 
 def array_of(values: np.ndarray, dtype: Any, device: str) -> wp.array:
     """An array for kernels to read. On a CPU it is NumPy's own memory where types agree: a copy
-    takes Warp four times as long."""
-    return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device, copy=False)
+    takes Warp four times as long. Raises ShapeError for rows that are none of `dtype`."""
+    values = np.ascontiguousarray(values)
+    inner = getattr(dtype, "_shape_", ())  # Warp would cut numbers in a row into vectors anyhow
+    if inner and values.shape[-len(inner):] != inner:
+        raise ShapeError(f"an array of shape {values.shape}; should end with {inner}, as "
+                         f"{dtype.__name__} does")
+    return wp.array(values, dtype=dtype, device=device, copy=False)
 
 
 def launch(
