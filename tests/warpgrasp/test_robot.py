@@ -52,6 +52,8 @@ def test_objects_stand_on_the_table(place: int, value: float) -> None:
 def test_true_poses_are_rows_of_seven(pose: np.ndarray) -> None:
     with pytest.raises(ValueError, match=r"body_pose: of shape .*; should be \(world, 7\)"):
         Truth(pose)
+    with pytest.raises(TypeError, match="body_pose: is list; should be a NumPy array"):
+        Truth(POSE.tolist())
 
 
 def test_poses_keys_and_bodies_are_as_many() -> None:
@@ -76,6 +78,29 @@ def test_what_is_no_list_of_closing_paths_or_bodies_is_refused() -> None:
         with pytest.raises(ValueError, match=r"bodies: are .*; should be a list of Body"):
             Robot(bodies, np.zeros(1, int), Truth(POSE), KEY,  # type: ignore[arg-type]
                   ArmTable(), HandTable(), SensorTable())
+
+
+@pytest.mark.parametrize(("name", "kind"), [
+    ("truth", "Truth"), ("arm", "ArmTable"), ("hand", "HandTable"), ("sensors", "SensorTable"),
+    ("pads", "PadTable"), ("errors", "ErrorTable"), ("contact", "ContactTable"),
+    ("true", "TrueTables")])
+@pytest.mark.parametrize("wrong", [{}, "puma560", 1.0])
+def test_tables_of_another_kind_are_refused(name: str, kind: str, wrong: Any) -> None:
+    """An empty dictionary was taken for the default arm."""
+    given: dict[str, Any] = {"truth": Truth(POSE), "arm": ArmTable(), "hand": HandTable(),
+                             "sensors": SensorTable()} | {name: wrong}
+    with pytest.raises(TypeError, match=f"{name}: is .*; should be of {kind}"):
+        Robot([body_from_name("block")], np.zeros(1, int), key=KEY, **given)
+
+
+def test_rehearsals_are_of_worlds_that_there_are() -> None:
+    """World -1 was the last one."""
+    own = robot(Truth(POSE))
+    assert own.rehearsing(np.array([1, 1, 0])).worlds == 3
+    for wrong, kind in ((np.array([-1]), ValueError), (np.array([2]), ValueError),
+                        (np.ones(2, bool), TypeError), ([0], TypeError)):
+        with pytest.raises(kind, match="rows"):
+            own.rehearsing(wrong)  # type: ignore[arg-type]
 
 
 def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:

@@ -119,6 +119,9 @@ def _checked(
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
             if value.device != there:
                 raise _elsewhere(kernel.key, argument.label, value.device, device)
+        elif argument.label in shapes:  # Warp takes None for an array at no address
+            raise ShapeError(f"{kernel.key}: {argument.label!r} is {type(value).__name__}, "
+                             "wants an array")
         elif "device" in getattr(value, "__dict__", ()) and value.device != there:
             # A struct of addresses, as a scene. Numbers of NumPy have a device too: not in a dict.
             raise _elsewhere(kernel.key, argument.label, value.device, device)

@@ -54,7 +54,7 @@ def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarra
             raise OverflowError
         z = z.astype(np.uint64)
     except OverflowError:
-        raise ValueError(f"key: is {str(key):.80}; should be from 0 to 2^64 - 1") from None
+        raise ValueError(f"key: is {key!s:.80}; should be from 0 to 2^64 - 1") from None
     with np.errstate(over="ignore"):
         for counter in counters:
             z = (z ^ np.asarray(counter).astype(np.int64).astype(np.uint64)) + np.uint64(_GAMMA)

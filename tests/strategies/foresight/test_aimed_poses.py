@@ -1,6 +1,7 @@
 """Poses drawn in a kernel: beside the same draws made with NumPy's own functions."""
 
 import numpy as np
+import pytest
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.aimed_poses import (
@@ -84,3 +85,11 @@ def test_before_anything_is_felt_they_aim_at_the_prior() -> None:
     none = draw_aimed_poses(SEED, STEP, COUNT, PRIOR, np.zeros((WORLDS, 0, 3)),
                             np.zeros((WORLDS, 0), bool), SAMPLES, REACH_M)
     np.testing.assert_allclose(none[1], expected(1), rtol=0, atol=1e-12)
+
+
+def test_what_was_felt_is_told_by_flags() -> None:
+    """Of numbers the sum was more contacts than there are: others were read from beyond."""
+    with pytest.raises(TypeError, match="felt: is of int64; should be of bool"):
+        draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M, FELT * 5, SAMPLES, REACH_M)
+    with pytest.raises(ValueError, match=r"contact_m: .* should be \(world 3, contact 12, 3\)"):
+        draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M[:, :5], FELT, SAMPLES, REACH_M)
