@@ -214,9 +214,11 @@ class Robot:
         check_array("hand_pose", hand_pose, "numbers", "world probe 7", world=self.worlds)
         worlds, probes, _ = hand_pose.shape
         check_array("wanted", wanted, "bool", "world probe", world=worlds, probe=probes)
-        check_array("commands_rad", commands_rad, "numbers", "grasp finger step joint")
+        fingers, joints = self._own.commanded
+        check_array("commands_rad", commands_rad, "numbers", "grasp finger step joint",
+                    finger=fingers, joint=joints)
+        check_range("number of grasps", len(commands_rad), 1, np.iinfo(np.int32).max)
         check_finite("commands_rad", commands_rad)
-        fingers = commands_rad.shape[1]
         if room is not None:
             check_array("room", room, "numbers", "world", world=worlds)
         if closes is None:

@@ -163,6 +163,7 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
 
 @pytest.mark.parametrize(("changed", "error", "said"), [
     ({"commands_rad": np.zeros((4, 0, 4))}, ValueError, r"commands_rad: of shape \(4, 0, 4\); "),
+    ({"commands_rad": np.zeros((0, 1, 4))}, ValueError, r"commands_rad: of shape \(0, 1, 4\); "),
     ({"commands_rad": np.full((4, 1, 4), np.nan)}, ValueError,
      r"commands_rad: is nan at \(0, 0, 0\); should be finite"),
     ({"commands_rad": [[[0.0] * 4]] * 4}, TypeError, "commands_rad: is list; should be a NumPy"),
@@ -201,3 +202,17 @@ def test_commands_of_a_grasp_are_numbers() -> None:
     with pytest.raises(TypeError, match="commands_rad: is list; should be a NumPy array"):
         robot(Truth(POSE)).grasp(np.tile(HAND, (2, 1, 1)), wanted,
                                  commands.tolist(), count)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["utah_mit", "allegro"])
+def test_commands_of_a_grasp_are_of_the_hands_own_joints(kind: str) -> None:
+    """Of hands of chains a joint more was left out, and a joint less named no argument."""
+    commands, count = padded_commands(("curl40",), HandTable(kind=kind))
+    own, pose = robot(Truth(POSE), kind=kind), np.tile(HAND, (2, 1, 1))
+    wanted, told = np.ones((2, 1), bool), r"commands_rad: .* \(grasp, finger 4, step, joint 4\)"
+    more = np.concatenate([commands, commands[..., :1]], -1)
+    for wrong in (commands[..., :-1], more, commands[:, :-1]):
+        with pytest.raises(ValueError, match=told):
+            own.grasp(pose, wanted, wrong, count)
+    with pytest.raises(ValueError, match="number of grasps 0: wants 1 to"):
+        own.grasp(pose, wanted, commands[:0], count[:0])

@@ -104,9 +104,9 @@ class LineMove:
         check_array("hand_pose", self.hand_pose, "numbers", "row 7", row=rows)
         check_array("direction", self.direction, "numbers", "row 3", row=rows)
         check_array("commands_rad", self.commands_rad, "numbers", "finger step joint")
-        if self.commands_rad.shape[1] == 0:
+        if self.commands_rad.size == 0:
             raise ValueError(f"commands_rad: of shape {self.commands_rad.shape}; should be of a "
-                             "step at least, which is held")
+                             "finger, a step (which is held) and a joint at least")
         for name in ("direction", "interval_m", "commands_rad"):
             check_finite(name, getattr(self, name))
         for name in ("interval_m", "steps", "until"):
