@@ -176,6 +176,10 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
     ({"direction": np.array([0.0, 0.0, -1.0])}, ValueError, r"direction: of shape \(3,\); should"),
     ({"interval_m": np.inf}, ValueError, "interval_m: is inf; should be finite"),
     ({"interval_m": np.full(3, 0.001)}, ValueError, r"interval_m: of shape \(3,\); should be one"),
+    ({"interval_m": -0.001}, ValueError, "interval_m: is -0.001; should be 0 or more"),
+    ({"interval_m": np.array([0.0, -0.001])}, ValueError, "interval_m: is -0.001; should be 0 or"),
+    ({"direction": np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])}, ValueError,
+     r"direction: is \[0.0, 0.0, 2.0\]; should be of length 1 at most"),
     ({"steps": -1}, ValueError, "steps -1: wants 0 to"),
     ({"steps": 2.5}, ValueError, "steps 2.5: wants 0 to"),
     ({"until": 2}, ValueError, "until 2: wants 0 to 1"),
@@ -183,7 +187,8 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
 def test_lines_that_cannot_be_made_are_refused(changed: dict[str, Any], error: type[Exception],
                                                said: str) -> None:
     """Commands of no step were read beyond their end and ended Python; row -1 read the robot before
-    the first; lines along no number ended `unreachable` with a path of NaN."""
+    the first; lines along no number ended `unreachable` with a path of NaN; a negative interval
+    was taken off the path."""
     asked = {"rows": np.arange(2), "hand_pose": np.tile(HAND, (2, 1)),
              "direction": np.tile([0.0, 0.0, -1.0], (2, 1)), "interval_m": 0.001, "steps": 5,
              "finger": 0, "commands_rad": np.zeros((4, 1, 4))}

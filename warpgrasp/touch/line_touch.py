@@ -7,6 +7,9 @@ import numpy as np
 
 from warpgrasp.core.array_checks import check_array, check_finite, check_range
 
+_ROUNDED = 1e-6
+"""By how much a unit vector may be longer."""
+
 
 class Until(IntEnum):
     """What ends a guarded line."""
@@ -75,7 +78,8 @@ class LineMove:
     """One guarded line for some of the worlds, row by row.
 
     Raises TypeError for what are no numbers, ValueError for arrays of other shapes, numbers that
-    are not finite, commands of no step, and steps that are no whole numbers from 0.
+    are not finite, commands of no step, directions longer than 1, negative intervals, and steps
+    that are no whole numbers from 0.
     """
 
     rows: np.ndarray
@@ -113,6 +117,12 @@ class LineMove:
             if np.shape(value := getattr(self, name)) not in ((), (rows,)):
                 raise ValueError(f"{name}: of shape {np.shape(value)}; should be one number, or "
                                  f"one a row, ({rows},)")
+        if np.min(self.interval_m, initial=0.0) < 0.0:  # it would be taken off the path
+            raise ValueError(f"interval_m: is {np.min(self.interval_m)}; should be 0 or more: the "
+                             "direction says which way")
+        if (long := np.linalg.norm(self.direction, axis=1) > 1.0 + _ROUNDED).any():
+            raise ValueError(f"direction: is {self.direction[long][0].tolist()}; should be of "
+                             "length 1 at most")
         check_range("steps", self.steps, 0, np.iinfo(np.int32).max)
         check_range("until", self.until, min(Until), max(Until))
 
