@@ -15,7 +15,7 @@ from strategies.foresight.hand_meetings import hand_meetings
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import check_foreseeable
-from warpgrasp.core.array_checks import check_array, check_range
+from warpgrasp.core.array_checks import check_array, check_finite, check_range
 from warpgrasp.hand_capsules import HandCapsules, balls_within, capsules_of_hand
 from warpgrasp.parameters import HandTable
 
@@ -61,7 +61,10 @@ class SweptFingers:
 
 @dataclass(frozen=True)
 class HandSamples:
-    """The open hand, and its fingers along every closing path."""
+    """The open hand, and its fingers along every closing path.
+
+    Raises TypeError and ValueError for other places of the open hand, and such that are not finite.
+    """
 
     open_m: np.ndarray
     """Centres of balls that fill the open hand and its way in, (ball, 3)."""
@@ -69,6 +72,10 @@ class HandSamples:
     """Of all balls."""
     swept: tuple[SweptFingers, ...]
     """One for each closing path."""
+
+    def __post_init__(self) -> None:
+        check_array("open_m", self.open_m, "numbers", "ball 3")
+        check_finite("open_m", self.open_m)
 
     @cached_property
     def outermost_m(self) -> np.ndarray:

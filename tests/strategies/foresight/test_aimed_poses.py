@@ -1,5 +1,7 @@
 """Poses drawn in a kernel: beside the same draws made with NumPy's own functions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -93,3 +95,11 @@ def test_what_was_felt_is_told_by_flags() -> None:
         draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M, FELT * 5, SAMPLES, REACH_M)
     with pytest.raises(ValueError, match=r"contact_m: .* should be \(world 3, contact 12, 3\)"):
         draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M[:, :5], FELT, SAMPLES, REACH_M)
+
+
+@pytest.mark.parametrize("wrong", [SAMPLES.open_m[None], SAMPLES.open_m[:, :2],
+                                   np.full_like(SAMPLES.open_m, np.nan)])
+def test_the_open_hand_is_places(wrong: np.ndarray) -> None:
+    """Of one dimension more, SciPy's hull ended the process."""
+    with pytest.raises(ValueError, match="open_m: "):
+        replace(SAMPLES, open_m=wrong)
