@@ -15,7 +15,13 @@ import numpy as np
 
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.closing.contact_estimate import ContactEstimate
-from warpgrasp.core.array_checks import check_array, check_finite, check_range
+from warpgrasp.core.array_checks import (
+    check_array,
+    check_finite,
+    check_kind,
+    check_poses,
+    check_range,
+)
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
@@ -40,8 +46,6 @@ if TYPE_CHECKING:
     from warpgrasp.sight.silhouette import Cameras
 
 _AXIS = 1  # of the stream of cameras; 0 is of what is wrong with images
-_UNIT = 1e-6
-"""By how much a quaternion may be longer or shorter than 1."""
 _UPRIGHT, _ON_TABLE_M = 1e-6, 1e-6
 """How far an object may lean (x and y of its quaternion), and stand above or in the table."""
 
@@ -63,7 +67,8 @@ class Grasps:
 class Truth:
     """What truly happened, in the order it did: for the scorer alone.
 
-    Raises ValueError for poses that are no places and unit quaternions.
+    Raises TypeError and ValueError for other arrays, and ValueError for poses that are no places
+    and unit quaternions.
     """
 
     body_pose: np.ndarray
@@ -73,22 +78,8 @@ class Truth:
     """Guarded lines, in the order they were made."""
 
     def __post_init__(self) -> None:
-        pose = np.asarray(self.body_pose)
-        if pose.ndim != 2 or pose.shape[1] != 7:
-            raise ValueError(f"body_pose: of shape {pose.shape}; should be (world, 7), a position "
-                             "[m] and a quaternion xyzw each")
-        _check_poses("body_pose", pose, np.ones(len(pose), bool))
-
-
-def _check_poses(name: str, pose: np.ndarray, counts: np.ndarray) -> None:
-    """Raise ValueError where one that `counts` (world, ...) is no place and unit quaternion."""
-    length = np.linalg.norm(pose[..., 3:], axis=-1)
-    # Kernels take it at its word: of another length an object seems to stand elsewhere.
-    wrong = counts & ~(np.isfinite(pose).all(-1) & (np.abs(length - 1.0) < _UNIT))
-    if wrong.any():
-        first = tuple(np.argwhere(wrong)[0])
-        raise ValueError(f"{name}: that of world {first[0]} is {pose[first].tolist()}; should "
-                         "be finite, and its quaternion (the last four) of length 1")
+        check_array("body_pose", self.body_pose, "numbers", "world 7")
+        check_poses("body_pose", self.body_pose)
 
 
 def _check_stands(pose: np.ndarray) -> None:
@@ -133,7 +124,8 @@ class Robot:
         errors of calibration, whose deviations are those of `errors`. The robot that is has the
         tables `true`; those that are believed where there are none.
 
-        Raises TypeError for keys and numbers of bodies that are no whole numbers, ValueError for
+        Raises TypeError for tables that are none, and for keys and numbers of bodies that are no
+        whole numbers, ValueError for
         bodies that are none, for a number that none of them has, for poses,
         keys and numbers of bodies that are not as many, and where `true` moves the hand along its
         mount, which arm and hand share, or is another hand, or where errors could make a factor
@@ -142,6 +134,12 @@ class Robot:
         if isinstance(bodies, Body) or not all(isinstance(each, Body) for each in bodies):
             raise ValueError(f"bodies: are {bodies!r:.80}; should be a list of Body, such as "
                              '[body_from_name("block")]')
+        for name, value, kind in (("truth", truth, Truth), ("arm", arm, ArmTable),
+                                  ("hand", hand, HandTable), ("sensors", sensors, SensorTable)):
+            check_kind(name, value, kind)
+        for name, value, kind in (("pads", pads, PadTable), ("errors", errors, ErrorTable),
+                                  ("contact", contact, ContactTable), ("true", true, TrueTables)):
+            check_kind(name, value, kind, optional=True)
         check_array("body", body, "whole numbers", "world")
         check_array("key", key, "whole numbers", "world")
         check_range("body", body, 0, len(bodies) - 1)
@@ -181,8 +179,10 @@ class Robot:
 
     def rehearsing(self, rows: np.ndarray | None = None) -> "Robot":
         """A copy that goes on from here, noise and all, and leaves no trace in this one's truth; of
-        the worlds `rows` (row,), which may name a world more than once, or of all."""
+        the worlds `rows` (row,), which may name a world more than once, or of all. Raises TypeError
+        and ValueError for rows that are no worlds."""
         rows = np.arange(self.worlds) if rows is None else rows
+        check_rows(rows, self.worlds)
         other = copy(self)
         other._truth = Truth(self._truth.body_pose[rows])
         other._key = self._key[rows]
@@ -214,9 +214,11 @@ class Robot:
         check_array("hand_pose", hand_pose, "numbers", "world probe 7", world=self.worlds)
         worlds, probes, _ = hand_pose.shape
         check_array("wanted", wanted, "bool", "world probe", world=worlds, probe=probes)
-        check_array("commands_rad", commands_rad, "numbers", "grasp finger step joint")
+        fingers, joints = self._own.commanded
+        check_array("commands_rad", commands_rad, "numbers", "grasp finger step joint",
+                    finger=fingers, joint=joints)
+        check_range("number of grasps", len(commands_rad), 1, np.iinfo(np.int32).max)
         check_finite("commands_rad", commands_rad)
-        fingers = commands_rad.shape[1]
         if room is not None:
             check_array("room", room, "numbers", "world", world=worlds)
         if closes is None:
@@ -224,7 +226,7 @@ class Robot:
         else:
             check_array("closes", closes, "bool", "world probe finger", world=worlds, probe=probes,
                         finger=fingers)
-        _check_poses("hand_pose", hand_pose, wanted)
+        check_poses("hand_pose", hand_pose, wanted)
         _check_stands(self._truth.body_pose)
         if room is not None:
             wanted = self._within(room, hand_pose, wanted, commands_rad, closes)
@@ -307,7 +309,7 @@ class Robot:
             raise ValueError(f"rows: are {rows.tolist()!s:.80}; should name a world only once")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
-        _check_poses("hand_pose", hand_pose, np.ones(len(rows), bool))
+        check_poses("hand_pose", hand_pose)
         _check_stands(self._truth.body_pose)
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,

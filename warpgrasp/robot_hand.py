@@ -17,6 +17,7 @@ from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contact
 from warpgrasp.closing.self_contact import self_contacts
 from warpgrasp.mechanism.arm_motion import ArmMoves, move_hand
 from warpgrasp.mechanism.calibration import Calibration, draw_calibration
+from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import (
     ArmTable,
     ContactTable,
@@ -29,6 +30,11 @@ from warpgrasp.parameters import (
 
 class RobotHand(Protocol):
     """What a robot asks of its hand; arrays as in `move_hand`, `close_fingers` and so on."""
+
+    @property
+    def commanded(self) -> tuple[int, int]:
+        """Fingers, and the commands that each takes at a step."""
+        ...
 
     def calibration(self, errors: ErrorTable, key: np.ndarray) -> Calibration:
         """The errors of each world's robot."""
@@ -73,6 +79,11 @@ class UtahMit:
     contact: ContactTable
     true: TrueTables
 
+    @property
+    def commanded(self) -> tuple[int, int]:
+        """As a `RobotHand`."""
+        return FINGER_COUNT, 4
+
     def calibration(self, errors: ErrorTable, key: np.ndarray) -> Calibration:
         """As a `RobotHand`."""
         return draw_calibration(errors, key)
@@ -112,6 +123,11 @@ class Chains:
     sensors: SensorTable
     contact: ContactTable
     true: TrueTables
+
+    @property
+    def commanded(self) -> tuple[int, int]:
+        """As a `RobotHand`."""
+        return self.chain.fingers, self.chain.width
 
     def calibration(self, errors: ErrorTable, key: np.ndarray) -> Calibration:
         """As a `RobotHand`."""

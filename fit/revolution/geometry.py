@@ -56,7 +56,7 @@ def revolution_volume(body: RevolutionBody) -> Float[np.ndarray, " fit"]:
 def revolution_inside(
     body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
 ) -> Bool[np.ndarray, "fit point"]:
-    """Whether points [m] lie inside."""
+    """Whether points [m] lie inside. Raises ValueError for points of another shape."""
     along, away = _half_plane(body, points)
     return away < _radius_at(body, along)
 
@@ -64,7 +64,8 @@ def revolution_inside(
 def revolution_distance(
     body: RevolutionBody, points: Float[np.ndarray, "fit point 3"]
 ) -> Float[np.ndarray, "fit point"]:
-    """Unsigned distance [m] of points to the surface, with both ends closed by discs."""
+    """Unsigned distance [m] of points to the surface, with both ends closed by discs. Raises
+    ValueError for points of another shape."""
     along, away = _half_plane(body, points)
     out = np.full(along.shape, np.inf)
     for row in range(len(body)):
@@ -124,7 +125,7 @@ def revolution_surface(
 
 def _half_plane(body: RevolutionBody, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Heights along the axis and distances from it."""
-    arm = points - body.foot_m[:, None]
+    arm = checked_array("points", points, (len(body), None, 3)) - body.foot_m[:, None]
     along = np.einsum("fpi,fi->fp", arm, body.axis)
     return along, np.linalg.norm(arm - along[..., None] * body.axis[:, None], axis=-1)
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Int
 
 from strategies.contacts.finger_touch import TouchedLinks
 from warpgrasp.chain.chain_hand import chain_of_table, true_chains
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
@@ -44,7 +45,8 @@ class PlacingHand:
         return self.joint_of.shape[1]
 
     def stood(self, links: TouchedLinks, device: str) -> dict[str, wp.array]:
-        """How fingers stood."""
+        """How fingers stood. Raises ValueError for a finger that the hand has not."""
+        check_range("links.finger", links.finger, 0, len(self.joint_of) - 1)
         return {"hand_pose": array_of(links.hand_pose, transform, device),
                 "q": _array(links.q_rad, self.joint_vector, device),
                 "finger": array_of(links.finger, int, device)}

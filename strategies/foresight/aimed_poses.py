@@ -6,6 +6,7 @@ from strategies.foresight.aimed_poses_kernel import Aims, aimed_poses_kernel
 from strategies.foresight.cpu_launch import launch_on_cpu
 from strategies.foresight.hand_samples import HandSamples
 from strategies.poses.waypoints import BoundingCylinder
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.core.random import counter_key
 
 ABOUT_FELT = 0.6
@@ -30,9 +31,12 @@ def draw_aimed_poses(
     """`count` poses of every world, (world, count, 7), by its `seed` uint64 (world,) and the step.
 
     `contact_m` (world, contact, 3), those that are `felt` (world, contact); `reach_m` is how far
-    from the palm fingers reach.
+    from the palm fingers reach. Raises TypeError and ValueError for other arrays of contacts.
     """
     worlds = len(seed)
+    check_array("felt", felt, "bool", "world contact", world=worlds)
+    check_array("contact_m", contact_m, "numbers", "world contact 3", world=worlds,
+                contact=felt.shape[1])
     # The contacts of a world in front, so that slots without one do not matter.
     order = np.argsort(~felt, axis=1, kind="stable")[:, :max(felt.sum(1).max(initial=0), 1)]
     in_front = (np.take_along_axis(contact_m, order[..., None], 1) if order.size

@@ -15,6 +15,7 @@ from strategies.foresight.hand_meetings import hand_meetings
 from strategies.poses.hand_outline import outline_of
 from strategies.procedures.containment import padded_commands
 from strategies.procedures.possible import check_foreseeable
+from warpgrasp.core.array_checks import check_array, check_finite, check_range
 from warpgrasp.hand_capsules import HandCapsules, balls_within, capsules_of_hand
 from warpgrasp.parameters import HandTable
 
@@ -31,7 +32,10 @@ APPROACH_M, APPROACH_STEP_M = 0.12, 0.008
 
 @dataclass(frozen=True)
 class SweptFingers:
-    """The fingers along one closing path."""
+    """The fingers along one closing path.
+
+    Raises TypeError and ValueError for other arrays, and for places and fingers that there are not.
+    """
 
     balls_m: np.ndarray
     """Centres, (finger, place, ball, 3)."""
@@ -45,10 +49,22 @@ class SweptFingers:
     meets: np.ndarray
     """The finger it touches there; -1 the palm or none, int (finger,)."""
 
+    def __post_init__(self) -> None:
+        check_array("balls_m", self.balls_m, "numbers", "finger place ball 3")
+        fingers, places, balls = self.balls_m.shape[:3]
+        check_array("feels", self.feels, "bool", "finger ball", finger=fingers, ball=balls)
+        for name, least, most in (("met", 0, places), ("meets", -1, fingers - 1)):
+            numbers = getattr(self, name)
+            check_array(name, numbers, "whole numbers", "finger", finger=fingers)
+            check_range(name, numbers, least, most)
+
 
 @dataclass(frozen=True)
 class HandSamples:
-    """The open hand, and its fingers along every closing path."""
+    """The open hand, and its fingers along every closing path.
+
+    Raises TypeError and ValueError for other places of the open hand, and such that are not finite.
+    """
 
     open_m: np.ndarray
     """Centres of balls that fill the open hand and its way in, (ball, 3)."""
@@ -56,6 +72,10 @@ class HandSamples:
     """Of all balls."""
     swept: tuple[SweptFingers, ...]
     """One for each closing path."""
+
+    def __post_init__(self) -> None:
+        check_array("open_m", self.open_m, "numbers", "ball 3")
+        check_finite("open_m", self.open_m)
 
     @cached_property
     def outermost_m(self) -> np.ndarray:

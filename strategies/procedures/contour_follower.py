@@ -17,6 +17,7 @@ from fit.rotation import matrix_of_quaternion
 from strategies.procedures.contour_record import Axis, ContourExploration, ContourOptions
 from strategies.procedures.possible import opposed_of
 from strategies.procedures.touches import TABLE_MARGIN_M, EndReason, TouchLog
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.mechanism.arm_reach import hand_reachable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
@@ -43,7 +44,7 @@ def explore_contour(
 
     Worlds where `wanted` (world,) is False are left alone. An axis that cannot be used, or misses
     the object, ends with a reason, never an exception. Raises NotPossible for a hand without an
-    opposed pair of fingers.
+    opposed pair of fingers, TypeError and ValueError for arrays of other kinds and shapes.
     """
     return _Follower(robot, axis, wanted, options or ContourOptions()).run()
 
@@ -56,9 +57,9 @@ class _Follower:
             raise ValueError(f"axis {axis.foot_m.shape}, {axis.direction.shape}: ({worlds}, 3)")
         self.robot, self.axis, self.o = robot, axis, options
         self.pair = opposed_of(robot.hand, robot.pads)
-        length = np.linalg.norm(axis.direction, axis=1)
-        numbers = np.concatenate([axis.foot_m, axis.direction, axis.length_m[:, None],
-                                  axis.radius_m[:, None]], 1)
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(axis.direction, axis=1)
+        numbers = np.column_stack([axis.foot_m, length, axis.length_m, axis.radius_m])
         good = np.isfinite(numbers).all(1) & (length > 1e-9) & (axis.length_m > 0)
         upright = np.where(good[:, None], axis.direction, [0.0, 0.0, 1.0])
         self.along = upright / np.linalg.norm(upright, axis=1, keepdims=True)
@@ -70,6 +71,7 @@ class _Follower:
         self.reason[good & lying] = EndReason.UNREACHABLE
         self.along[lying] = [0.0, 0.0, 1.0]
         if wanted is not None:
+            check_array("wanted", wanted, "bool", "world", world=worlds)
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
         self.offset = np.zeros((worlds, 3))  # measured centre against the axis as given
         self.backed_off_m = np.zeros(worlds)  # farther away, to clear the object

@@ -22,6 +22,7 @@ from strategies.procedures.lean import choose_lean, face_axes, fingertip_from
 from strategies.procedures.planar_record import DIRECTIONS, PlanarExploration, PlanarOptions
 from strategies.procedures.possible import extended_of
 from strategies.procedures.touches import EndReason, TouchLog
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot
@@ -47,7 +48,8 @@ def explore_plane(
     """Explore one face of each world's object: a point near it and its outward normal, (world, 3).
 
     Worlds where `wanted` (world,) is False are left alone. A start that cannot be used ends with a
-    reason, never an exception. Raises NotPossible for a hand without a pad on a fingertip.
+    reason, never an exception. Raises NotPossible for a hand without a pad on a fingertip,
+    TypeError and ValueError for arrays of other kinds and shapes.
     """
     return _Explorer(robot, point_m, normal, wanted, options or PlanarOptions()).run()
 
@@ -90,13 +92,15 @@ class _Explorer:
             raise ValueError(f"point {point.shape} and normal {normal.shape}: ({worlds}, 3) each")
         self.robot, self.o = robot, options
         self.one = extended_of(robot.hand, robot.pads)
-        length = np.linalg.norm(normal, axis=1)
-        good = np.isfinite(point).all(1) & np.isfinite(normal).all(1) & (length > 1e-9)
+        with np.errstate(over="ignore"):
+            length = np.linalg.norm(normal, axis=1)
+        good = np.isfinite(point).all(1) & np.isfinite(length) & (length > 1e-9)
         safe = np.where(good[:, None], normal, [0.0, 0.0, 1.0])
         self.axes = face_axes(safe / np.linalg.norm(safe, axis=1, keepdims=True))
         self.point = np.where(good[:, None], point, 0.0)
         self.reason = np.where(good, EndReason.GOING_ON, EndReason.BAD_START)
         if wanted is not None:
+            check_array("wanted", wanted, "bool", "world", world=worlds)
             self.reason = np.where(wanted, self.reason, EndReason.COMPLETE)
         self.ending = self.reason.copy()  # what `reason` will be after the retreat
         self.direction_reason = np.zeros((worlds, DIRECTIONS), int)

@@ -8,6 +8,7 @@ import numpy as np
 import warp as wp
 
 from strategies.recognition.pose_alignment_kernel import _placement_kernel
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, vec3
 from warpgrasp.core.kernel_launch import ShapeError, array_of, launch
 from warpgrasp.geometry.scene import Scene
@@ -21,8 +22,10 @@ def placed_squares(
 
     `turns` are the turns [rad] each body starts from; one alone is kept, for a turn does not change
     that body. Touches are (world, point, 3), their mask and standard deviations (world, point),
-    where bodies start (world, 2). Raises ShapeError where shapes disagree.
+    where bodies start (world, 2). Raises ShapeError where shapes disagree, ValueError for turns of
+    bodies that the scene has not.
     """
+    check_range("number of turns", len(turns), 1, scene.bodies)
     for name, shape in ("mask", mask.shape), ("sigma_m", sigma_m.shape):
         if shape != points_m.shape[:2]:
             raise ShapeError(f"placed squares: {name!r} has shape {shape}, wants "

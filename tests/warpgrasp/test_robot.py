@@ -52,6 +52,8 @@ def test_objects_stand_on_the_table(place: int, value: float) -> None:
 def test_true_poses_are_rows_of_seven(pose: np.ndarray) -> None:
     with pytest.raises(ValueError, match=r"body_pose: of shape .*; should be \(world, 7\)"):
         Truth(pose)
+    with pytest.raises(TypeError, match="body_pose: is list; should be a NumPy array"):
+        Truth(POSE.tolist())
 
 
 def test_poses_keys_and_bodies_are_as_many() -> None:
@@ -76,6 +78,29 @@ def test_what_is_no_list_of_closing_paths_or_bodies_is_refused() -> None:
         with pytest.raises(ValueError, match=r"bodies: are .*; should be a list of Body"):
             Robot(bodies, np.zeros(1, int), Truth(POSE), KEY,  # type: ignore[arg-type]
                   ArmTable(), HandTable(), SensorTable())
+
+
+@pytest.mark.parametrize(("name", "kind"), [
+    ("truth", "Truth"), ("arm", "ArmTable"), ("hand", "HandTable"), ("sensors", "SensorTable"),
+    ("pads", "PadTable"), ("errors", "ErrorTable"), ("contact", "ContactTable"),
+    ("true", "TrueTables")])
+@pytest.mark.parametrize("wrong", [{}, "puma560", 1.0])
+def test_tables_of_another_kind_are_refused(name: str, kind: str, wrong: Any) -> None:
+    """An empty dictionary was taken for the default arm."""
+    given: dict[str, Any] = {"truth": Truth(POSE), "arm": ArmTable(), "hand": HandTable(),
+                             "sensors": SensorTable()} | {name: wrong}
+    with pytest.raises(TypeError, match=f"{name}: is .*; should be of {kind}"):
+        Robot([body_from_name("block")], np.zeros(1, int), key=KEY, **given)
+
+
+def test_rehearsals_are_of_worlds_that_there_are() -> None:
+    """World -1 was the last one."""
+    own = robot(Truth(POSE))
+    assert own.rehearsing(np.array([1, 1, 0])).worlds == 3
+    for wrong, kind in ((np.array([-1]), ValueError), (np.array([2]), ValueError),
+                        (np.ones(2, bool), TypeError), ([0], TypeError)):
+        with pytest.raises(kind, match="rows"):
+            own.rehearsing(wrong)  # type: ignore[arg-type]
 
 
 def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:
@@ -138,6 +163,7 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
 
 @pytest.mark.parametrize(("changed", "error", "said"), [
     ({"commands_rad": np.zeros((4, 0, 4))}, ValueError, r"commands_rad: of shape \(4, 0, 4\); "),
+    ({"commands_rad": np.zeros((0, 1, 4))}, ValueError, r"commands_rad: of shape \(0, 1, 4\); "),
     ({"commands_rad": np.full((4, 1, 4), np.nan)}, ValueError,
      r"commands_rad: is nan at \(0, 0, 0\); should be finite"),
     ({"commands_rad": [[[0.0] * 4]] * 4}, TypeError, "commands_rad: is list; should be a NumPy"),
@@ -150,6 +176,10 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
     ({"direction": np.array([0.0, 0.0, -1.0])}, ValueError, r"direction: of shape \(3,\); should"),
     ({"interval_m": np.inf}, ValueError, "interval_m: is inf; should be finite"),
     ({"interval_m": np.full(3, 0.001)}, ValueError, r"interval_m: of shape \(3,\); should be one"),
+    ({"interval_m": -0.001}, ValueError, "interval_m: is -0.001; should be 0 or more"),
+    ({"interval_m": np.array([0.0, -0.001])}, ValueError, "interval_m: is -0.001; should be 0 or"),
+    ({"direction": np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 2.0]])}, ValueError,
+     r"direction: is \[0.0, 0.0, 2.0\]; should be of length 1 at most"),
     ({"steps": -1}, ValueError, "steps -1: wants 0 to"),
     ({"steps": 2.5}, ValueError, "steps 2.5: wants 0 to"),
     ({"until": 2}, ValueError, "until 2: wants 0 to 1"),
@@ -157,7 +187,8 @@ def test_keys_and_numbers_of_bodies_are_whole() -> None:
 def test_lines_that_cannot_be_made_are_refused(changed: dict[str, Any], error: type[Exception],
                                                said: str) -> None:
     """Commands of no step were read beyond their end and ended Python; row -1 read the robot before
-    the first; lines along no number ended `unreachable` with a path of NaN."""
+    the first; lines along no number ended `unreachable` with a path of NaN; a negative interval
+    was taken off the path."""
     asked = {"rows": np.arange(2), "hand_pose": np.tile(HAND, (2, 1)),
              "direction": np.tile([0.0, 0.0, -1.0], (2, 1)), "interval_m": 0.001, "steps": 5,
              "finger": 0, "commands_rad": np.zeros((4, 1, 4))}
@@ -176,3 +207,17 @@ def test_commands_of_a_grasp_are_numbers() -> None:
     with pytest.raises(TypeError, match="commands_rad: is list; should be a NumPy array"):
         robot(Truth(POSE)).grasp(np.tile(HAND, (2, 1, 1)), wanted,
                                  commands.tolist(), count)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", ["utah_mit", "allegro"])
+def test_commands_of_a_grasp_are_of_the_hands_own_joints(kind: str) -> None:
+    """Of hands of chains a joint more was left out, and a joint less named no argument."""
+    commands, count = padded_commands(("curl40",), HandTable(kind=kind))
+    own, pose = robot(Truth(POSE), kind=kind), np.tile(HAND, (2, 1, 1))
+    wanted, told = np.ones((2, 1), bool), r"commands_rad: .* \(grasp, finger 4, step, joint 4\)"
+    more = np.concatenate([commands, commands[..., :1]], -1)
+    for wrong in (commands[..., :-1], more, commands[:, :-1]):
+        with pytest.raises(ValueError, match=told):
+            own.grasp(pose, wanted, wrong, count)
+    with pytest.raises(ValueError, match="number of grasps 0: wants 1 to"):
+        own.grasp(pose, wanted, commands[:0], count[:0])

@@ -14,6 +14,7 @@ from warpgrasp.arms.serial_arm_kernel import (
     flange_kernel,
     joints_kernel,
 )
+from warpgrasp.core.array_checks import check_array, check_range
 from warpgrasp.core.dtypes import mat77, transform, vec7
 from warpgrasp.core.kernel_launch import array_of, launch
 
@@ -56,7 +57,9 @@ def padded(q: ArrayLike) -> np.ndarray:
 
 
 def flange_poses(model: ArmModel, q_rad: np.ndarray, *, device: str = "cpu") -> np.ndarray:
-    """Flange poses (pose, 7), [m] and quaternion xyzw, of joints (pose, joint) [rad]."""
+    """Flange poses (pose, 7), [m] and quaternion xyzw, of joints (pose, joint) [rad]. Raises
+    TypeError and ValueError for other arrays."""
+    check_array("q_rad", q_rad, "numbers", "pose joint", joint=len(model.joints))
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(flange_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
            {"arm": serial_of(model), "q": array_of(padded(q_rad), vec7, device),
@@ -67,7 +70,10 @@ def flange_poses(model: ArmModel, q_rad: np.ndarray, *, device: str = "cpu") -> 
 def nearest_joints(model: ArmModel, flange: np.ndarray, last_rad: np.ndarray, *,
                    device: str = "cpu") -> np.ndarray:
     """Joints (pose, joint) [rad] within the limits at flange poses (pose, 7), near `last_rad`
-    (pose, joint); NaN where none are found."""
+    (pose, joint); NaN where none are found. Raises TypeError and ValueError for other arrays."""
+    check_array("flange", flange, "numbers", "pose 7")
+    check_array("last_rad", last_rad, "numbers", "pose joint", pose=len(flange),
+                joint=len(model.joints))
     out = wp.empty(len(flange), dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     launch(joints_kernel, {"pose": len(flange)}, {"flange": "pose", "last": "pose", "q": "pose"}, {
         "arm": serial_of(model), "flange": array_of(flange, transform, device),
@@ -92,7 +98,10 @@ def joint_choices(model: ArmModel, flange: np.ndarray, *, starts: int = STARTS,
                   device: str = "cpu") -> np.ndarray:
     """The joints (pose, start, joint) [rad] that home and the other starts come to at flange poses
     (pose, 7); NaN where one comes to none. Where none of them comes to a pose, further starts are
-    tried, and the first choice is that of the first start which does."""
+    tried, and the first choice is that of the first start which does. Raises TypeError and
+    ValueError for other arrays, and for no starts."""
+    check_array("flange", flange, "numbers", "pose 7")
+    check_range("starts", starts, 1, MORE_STARTS)
     found = _come_to(model, flange, 0, starts, device)
     none = np.isnan(found).all((1, 2))
     if none.any() and starts < MORE_STARTS:

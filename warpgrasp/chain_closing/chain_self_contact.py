@@ -13,6 +13,7 @@ from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
 from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.self_contact import MISFIT, doubt_of
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.hand_rest.press_kernel import Doubt
@@ -26,9 +27,10 @@ def chain_self_contacts(
 ) -> np.ndarray:
     """Which fingers, by their angles, may have stopped at another finger or the palm.
 
-    As `self_contacts`, with `hand` in place of the Utah-MIT's. Returns bool (world, probe, grasp,
-    finger).
+    As `self_contacts`, with `hand` in place of the Utah-MIT's; it raises the same errors. Returns
+    bool (world, probe, grasp, finger).
     """
+    check_range("closing.step", closing.step, -1, np.shape(commands_rad)[2] - 1)
     dims = closing.status.shape
     read = closing.q_rad.copy()
     # Drives that a finger has not stand at zero; a finger that was not closed is not finite.

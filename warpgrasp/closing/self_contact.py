@@ -10,6 +10,7 @@ import warp as wp
 
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.closing_kernels import hand_press_kernel
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.hand_rest.press_kernel import Doubt
@@ -49,8 +50,10 @@ def self_contacts(
 
     `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
     (grasp, finger, step, 4) are those of the closing, and `contact` is what acts on the fingers.
-    Returns bool (world, probe, grasp, finger).
+    Returns bool (world, probe, grasp, finger). Raises ShapeError where shapes disagree, ValueError
+    for steps that the commands have not.
     """
+    check_range("closing.step", closing.step, -1, np.shape(commands_rad)[2] - 1)
     dims = closing.status.shape
     misfit = wp.empty(dims, dtype=real, device=device)
     each = "world probe grasp finger"

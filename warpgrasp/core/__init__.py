@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "array_checks": ["check_array", "check_finite", "check_range"],
+    "array_checks": ["check_array", "check_finite", "check_kind", "check_poses", "check_range"],
     "cache_file": ["cache_home", "cache_root", "drop_cached", "kernel_root", "read_cached",
         "write_cached"],
     "cores": ["core_count", "thread_count"],

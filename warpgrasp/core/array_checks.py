@@ -7,6 +7,8 @@ import numpy as np
 
 _KINDS = {"numbers": "iuf", "whole numbers": "iu", "bool": "b"}
 """Letters that NumPy has for kinds of numbers."""
+_UNIT = 1e-6
+"""By how much a quaternion may be longer or shorter than 1."""
 
 
 def check_range(what: str, numbers: np.ndarray | int, least: int, most: int) -> None:
@@ -43,6 +45,26 @@ def check_finite(name: str, value: np.ndarray | float) -> None:
         first = tuple(int(k) for k in np.argwhere(wrong)[0])
         raise ValueError(f"{name}: is {np.asarray(value)[first]}"
                          f"{f' at {first}' if first else ''}; should be finite")
+
+
+def check_poses(name: str, pose: np.ndarray, counts: np.ndarray | None = None) -> None:
+    """Raise ValueError where a pose (world, ..., 7), of those that `counts` (world, ...), is no
+    place and unit quaternion."""
+    length = np.linalg.norm(pose[..., 3:], axis=-1)
+    # Kernels take it at its word: of another length an object seems to stand elsewhere.
+    wrong = ~(np.isfinite(pose).all(-1) & (np.abs(length - 1.0) < _UNIT))
+    if counts is not None:
+        wrong &= counts
+    if wrong.any():
+        first = tuple(np.argwhere(wrong)[0])
+        raise ValueError(f"{name}: that of world {first[0]} is {pose[first].tolist()}; should "
+                         "be finite, and its quaternion (the last four) of length 1")
+
+
+def check_kind(name: str, value: Any, kind: type, *, optional: bool = False) -> None:
+    """Raise TypeError for a value of another kind; None is right where it is optional."""
+    if not (isinstance(value, kind) or (optional and value is None)):
+        raise TypeError(f"{name}: is {value!r:.80}; should be of {kind.__name__}")
 
 
 def _told(axes: str, sizes: Mapping[str, int]) -> str:

@@ -51,8 +51,13 @@ def set_thread_count(count: int) -> None:
 
 def array_of(values: np.ndarray, dtype: Any, device: str) -> wp.array:
     """An array for kernels to read. On a CPU it is NumPy's own memory where types agree: a copy
-    takes Warp four times as long."""
-    return wp.array(np.ascontiguousarray(values), dtype=dtype, device=device, copy=False)
+    takes Warp four times as long. Raises ShapeError for rows that are none of `dtype`."""
+    values = np.ascontiguousarray(values)
+    inner = getattr(dtype, "_shape_", ())  # Warp would cut numbers in a row into vectors anyhow
+    if inner and values.shape[-len(inner):] != inner:
+        raise ShapeError(f"an array of shape {values.shape}; should end with {inner}, as "
+                         f"{dtype.__name__} does")
+    return wp.array(values, dtype=dtype, device=device, copy=False)
 
 
 def launch(
@@ -114,6 +119,9 @@ def _checked(
             _check_shape(kernel.key, argument.label, value, shapes.get(argument.label), bound)
             if value.device != there:
                 raise _elsewhere(kernel.key, argument.label, value.device, device)
+        elif argument.label in shapes:  # Warp takes None for an array at no address
+            raise ShapeError(f"{kernel.key}: {argument.label!r} is {type(value).__name__}, "
+                             "wants an array")
         elif "device" in getattr(value, "__dict__", ()) and value.device != there:
             # A struct of addresses, as a scene. Numbers of NumPy have a device too: not in a dict.
             raise _elsewhere(kernel.key, argument.label, value.device, device)

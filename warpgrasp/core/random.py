@@ -49,9 +49,12 @@ def counter_key(key: np.ndarray | int, *counters: np.ndarray | int) -> np.ndarra
         if array.size and array.dtype.kind not in "biuO":
             raise TypeError(f"{name}: is {array.dtype}; should be whole numbers")
     try:
-        z = np.asarray(key, np.uint64)
+        z = np.asarray(key)
+        if z.dtype.kind in "iO" and (z < 0).any():  # NumPy would turn an array's around
+            raise OverflowError
+        z = z.astype(np.uint64)
     except OverflowError:
-        raise ValueError(f"key: is {key}; should be from 0 to 2^64 - 1") from None
+        raise ValueError(f"key: is {key!s:.80}; should be from 0 to 2^64 - 1") from None
     with np.errstate(over="ignore"):
         for counter in counters:
             z = (z ^ np.asarray(counter).astype(np.int64).astype(np.uint64)) + np.uint64(_GAMMA)

@@ -13,6 +13,7 @@ from itertools import product
 import numpy as np
 from scipy.spatial import KDTree
 
+from warpgrasp.core.array_checks import check_range
 from warpgrasp.geometry.body import Body, BodyError, distances_of
 from warpgrasp.geometry.scene import Join
 from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
@@ -24,6 +25,7 @@ _CELLS = 48  # along each side of the box
 _EVEN = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 """Multiples of this spread evenly over the unit cube (Roberts 2018; a root of x^4 = x + 1)."""
 GROUP = 16
+_MOST = np.iinfo(np.int32).max
 _LOG2_LINES = 13  # along each axis; as many as even points, where more are asked
 _THIN_SHARE = 0.25
 """Of half a wall, the ramp's most: ramps that meet within a wall count more than it holds [est]."""
@@ -105,9 +107,11 @@ def sample_body(
 ) -> BodySample:
     """Sample a body, its surface by so many points, even over the area, or by every crossing that
     was found (None). Of as many points as crossings, quantiles of distances are three to ten times
-    as near by the crossings and their shares. Raises BodyError where the body has (almost) no
-    volume or surface in its box.
+    as near by the crossings and their shares. Raises ValueError for no points, BodyError where the
+    body has (almost) no volume or surface in its box.
     """
+    check_range("surface", 1 if surface is None else surface, 1, _MOST)
+    check_range("inside", inside, 1, _MOST)
     return _sample(keyed_body(body), surface, inside)
 
 

@@ -8,10 +8,8 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.arms.serial_arm import padded
-from warpgrasp.core.dtypes import (
-    transform,
-    vec7,
-)
+from warpgrasp.core.array_checks import check_array
+from warpgrasp.core.dtypes import transform, vec7
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.puma560_kernel import (
     Arm,
@@ -60,7 +58,9 @@ def puma_arm(table: ArmTable, mount_length_m: float) -> Arm:
 
 
 def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu") -> np.ndarray:
-    """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad]."""
+    """Flange poses (x, y, z [m], quaternion xyzw), shape (pose, 7), of joints (pose, 6) [rad].
+    Raises TypeError and ValueError for other arrays."""
+    check_array("q_rad", q_rad, "numbers", "pose 6")
     out = wp.empty(len(q_rad), dtype=transform, device=device)
     launch(_forward_kernel, {"pose": len(q_rad)}, {"q": "pose", "flange": "pose"},
            {"arm": puma_arm(table, 0.0), "q": array_of(padded(q_rad), vec7, device),
@@ -71,8 +71,10 @@ def puma_forward_batch(table: ArmTable, q_rad: np.ndarray, *, device: str = "cpu
 def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cpu") -> np.ndarray:
     """All eight branches [rad], shape (pose, 8, 6), of flange poses (pose, 7); NaN out of reach.
 
-    Branch bits: 1 lefty, 2 elbow, 4 wrist flip. Limits are not applied.
+    Branch bits: 1 lefty, 2 elbow, 4 wrist flip. Limits are not applied. Raises TypeError and
+    ValueError for other arrays.
     """
+    check_array("flange", flange, "numbers", "pose 7")
     out = wp.empty((len(flange), 8), dtype=vec7, device=device)  # pyright: ignore[reportArgumentType]
     launch(_inverse_kernel, {"pose": len(flange), "branch": 8},
            {"flange": "pose", "q": "pose branch"},
@@ -83,7 +85,8 @@ def puma_inverse_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cp
 
 def puma_reachable_batch(table: ArmTable, flange: np.ndarray, *, device: str = "cpu") -> np.ndarray:
     """Whether some branch takes the flange to poses (pose, 7) with all joints inside their limits,
-    bool (pose,)."""
+    bool (pose,). Raises TypeError and ValueError for other arrays."""
+    check_array("flange", flange, "numbers", "pose 7")
     out = wp.empty(len(flange), dtype=wp.bool, device=device)  # pyright: ignore[reportArgumentType]
     launch(_reachable_kernel, {"pose": len(flange)}, {"flange": "pose", "reachable": "pose"},
            {"arm": puma_arm(table, 0.0), "flange": array_of(flange, transform, device),

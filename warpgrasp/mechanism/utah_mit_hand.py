@@ -12,6 +12,7 @@ from functools import lru_cache
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.core.dtypes import transform, vec3, vec4
 from warpgrasp.core.kernel_launch import array_of, launch
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
@@ -64,8 +65,11 @@ def hand_links(
 
     `hand_pose` (pose, 7) is position [m] and quaternion xyzw, `q_rad` (pose, finger 4, joint 4).
     Returns points [m], shape (pose, 4, 5, 3): base, three flexion joints, tip centre; and unit
-    palmar normals, shape (pose, 4, link 3, 3); both in the frame of `hand_pose`.
+    palmar normals, shape (pose, 4, link 3, 3); both in the frame of `hand_pose`. Raises TypeError
+    and ValueError for other arrays.
     """
+    check_array("hand_pose", hand_pose, "numbers", "pose 7")
+    check_array("q_rad", q_rad, "numbers", "pose 4 4", pose=len(hand_pose))
     count = len(hand_pose)
     points = wp.empty((count, FINGER_COUNT, 5), dtype=vec3, device=device)
     palmar = wp.empty((count, FINGER_COUNT, LINK_COUNT), dtype=vec3, device=device)

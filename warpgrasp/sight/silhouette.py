@@ -7,17 +7,23 @@ from typing import Any
 import numpy as np
 import warp as wp
 
-from warpgrasp.core.array_checks import check_range
+from warpgrasp.core.array_checks import check_array, check_finite, check_poses, check_range
 from warpgrasp.core.dtypes import mat33, real, transform, uint8, vec3
 from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.silhouette_kernel import _range_kernel, _silhouette_kernel
 
+_MOST_PIXELS = 4096
+
 
 @dataclass(frozen=True)
 class Cameras:
-    """Pinhole cameras of each world. Shapes start with (world, camera)."""
+    """Pinhole cameras of each world. Shapes start with (world, camera).
+
+    Raises TypeError and ValueError for other arrays, for numbers that are not finite, and for
+    images of no pixels or no focal length.
+    """
 
     centre_m: np.ndarray
     """Base frame, (..., 3)."""
@@ -25,6 +31,16 @@ class Cameras:
     """Right, down and forward as columns, (..., 3, 3)."""
     focal_pixels: float
     pixels: int
+
+    def __post_init__(self) -> None:
+        check_array("centre_m", self.centre_m, "numbers", "world camera 3")
+        worlds, count = self.centre_m.shape[:2]
+        check_array("axes", self.axes, "numbers", "world camera 3 3", world=worlds, camera=count)
+        for name in ("centre_m", "axes"):
+            check_finite(name, getattr(self, name))
+        check_range("pixels", self.pixels, 1, _MOST_PIXELS)
+        if not 0.0 < self.focal_pixels < np.inf:
+            raise ValueError(f"focal_pixels {self.focal_pixels}: should be above 0 and finite")
 
 
 def stereo_cameras(table: StereoTable, target_m: np.ndarray) -> Cameras:
@@ -47,8 +63,8 @@ def silhouettes(
     scene: Scene, body: np.ndarray, body_pose: np.ndarray, cameras: Cameras, *,
     device: str = "cpu",
 ) -> np.ndarray:
-    """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError,
-    and ValueError for a body that the scene has not.
+    """Which pixels see the object, bool (world, camera, row, column). Raises ShapeError, and
+    ValueError for a body that the scene has not, or a pose that is no place and unit quaternion.
     """
     seen = _traced(_silhouette_kernel, "seen", uint8, scene, body, body_pose, cameras, device)
     return seen.astype(bool)
@@ -76,6 +92,7 @@ def _traced(
     if np.shape(body_pose) != (worlds, 7):
         raise ShapeError(f"body_pose: of shape {np.shape(body_pose)}; should be (world {worlds}, "
                          "7)")
+    check_poses("body_pose", np.asarray(body_pose))
     n = cameras.pixels
     image = wp.empty((worlds, count, n, n), dtype=kind, device=device)
     reach = 2.0 * float(np.linalg.norm(

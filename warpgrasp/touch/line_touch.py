@@ -7,6 +7,9 @@ import numpy as np
 
 from warpgrasp.core.array_checks import check_array, check_finite, check_range
 
+_ROUNDED = 1e-6
+"""By how much a unit vector may be longer."""
+
 
 class Until(IntEnum):
     """What ends a guarded line."""
@@ -75,7 +78,8 @@ class LineMove:
     """One guarded line for some of the worlds, row by row.
 
     Raises TypeError for what are no numbers, ValueError for arrays of other shapes, numbers that
-    are not finite, commands of no step, and steps that are no whole numbers from 0.
+    are not finite, commands of no step, directions longer than 1, negative intervals, and steps
+    that are no whole numbers from 0.
     """
 
     rows: np.ndarray
@@ -104,15 +108,21 @@ class LineMove:
         check_array("hand_pose", self.hand_pose, "numbers", "row 7", row=rows)
         check_array("direction", self.direction, "numbers", "row 3", row=rows)
         check_array("commands_rad", self.commands_rad, "numbers", "finger step joint")
-        if self.commands_rad.shape[1] == 0:
+        if self.commands_rad.size == 0:
             raise ValueError(f"commands_rad: of shape {self.commands_rad.shape}; should be of a "
-                             "step at least, which is held")
+                             "finger, a step (which is held) and a joint at least")
         for name in ("direction", "interval_m", "commands_rad"):
             check_finite(name, getattr(self, name))
         for name in ("interval_m", "steps", "until"):
             if np.shape(value := getattr(self, name)) not in ((), (rows,)):
                 raise ValueError(f"{name}: of shape {np.shape(value)}; should be one number, or "
                                  f"one a row, ({rows},)")
+        if np.min(self.interval_m, initial=0.0) < 0.0:  # it would be taken off the path
+            raise ValueError(f"interval_m: is {np.min(self.interval_m)}; should be 0 or more: the "
+                             "direction says which way")
+        if (long := np.linalg.norm(self.direction, axis=1) > 1.0 + _ROUNDED).any():
+            raise ValueError(f"direction: is {self.direction[long][0].tolist()}; should be of "
+                             "length 1 at most")
         check_range("steps", self.steps, 0, np.iinfo(np.int32).max)
         check_range("until", self.until, min(Until), max(Until))
 

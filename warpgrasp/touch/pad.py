@@ -15,7 +15,7 @@ import warp as wp
 
 from warpgrasp.chain.chain_hand import ChainHand
 from warpgrasp.chain.chain_pads import pad_places
-from warpgrasp.core.array_checks import check_range
+from warpgrasp.core.array_checks import check_poses, check_range
 from warpgrasp.core.dtypes import real, transform, vec2, vec4
 from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.core.struct_array import record_type, repeated
@@ -143,8 +143,8 @@ def read_pads(
 
     `body` (pose or 1,), `body_pose` and true `hand_pose` (pose, 7) [m], quaternion xyzw, base
     frame; `q_rad` (pose, finger 4, 4); `key` (pose,) uint64, an episode's: its taxels keep their
-    gains, `reading` numbers the readings. Raises ShapeError, and ValueError
-    for a body that the scene has not.
+    gains, `reading` numbers the readings. Raises ShapeError, and ValueError for a body that the
+    scene has not, and for a pose that is no place and unit quaternion.
     """
     poses = len(hand_pose)
     for name, value, shape in (("body_pose", body_pose, (poses, 7)),
@@ -152,6 +152,8 @@ def read_pads(
                                ("q_rad", q_rad, (poses, FINGER_COUNT, 4))):
         if np.shape(value) != shape:
             raise ShapeError(f"{name}: of shape {np.shape(value)}; should be {shape}")
+    check_poses("body_pose", np.asarray(body_pose))
+    check_poses("hand_pose", np.asarray(hand_pose))
     check_range("body", body, 0, scene.bodies - 1)
     n = len(hand_pose)
     force = wp.zeros((n, FINGER_COUNT * LINK_COUNT, TAXELS, TAXELS), dtype=real, device=device)

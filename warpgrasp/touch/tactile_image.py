@@ -8,6 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from warpgrasp.core.array_checks import check_range
+
 _SOBEL = np.array([[-1.0, 0.0, 1.0], [-2.0, 0.0, 2.0], [-1.0, 0.0, 1.0]])
 
 
@@ -150,8 +152,13 @@ def hough_lines(
     """The `count` strongest lines through edge taxels, bool (n, row, column), by Hough's transform.
 
     Votes go to cells of pi/`angles` by `cell` taxels. A line found takes its taxels (within a
-    cell of it) with it before the next is sought; fewer votes than `fewest` make no line.
+    cell of it) with it before the next is sought; fewer votes than `fewest` make no line. Raises
+    ValueError for a cell of no width, and counts that are none.
     """
+    for name, number, least in (("count", count, 0), ("angles", angles, 1), ("fewest", fewest, 1)):
+        check_range(name, number, least, np.iinfo(np.int32).max)
+    if not 0.0 < cell < np.inf:
+        raise ValueError(f"cell {cell}: should be above 0 and finite")
     edges = np.array(edges, bool)
     n, rows, columns = _stack(edges).shape
     theta = np.arange(angles) * np.pi / angles

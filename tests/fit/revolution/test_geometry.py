@@ -91,3 +91,12 @@ def test_an_axis_is_of_length_1_and_shapes_agree() -> None:
         RevolutionBody(one.foot_m, 2.0 * one.axis, one.height_m, one.radius_m)
     with pytest.raises(ValueError, match=r"radius_m: shape \(2, 3\), should be \(2, 4\)"):
         RevolutionBody(one.foot_m, one.axis, one.height_m, one.radius_m[:, :3])
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("ask", [revolution_inside, revolution_distance])
+def test_points_are_sets_one_for_each_body(ask) -> None:
+    """Rows of one set were taken for sets."""
+    for wrong in ((2, 3), (5, 3), (3, 5, 3), (2, 5, 2)):
+        with pytest.raises(ValueError, match=r"points: shape .*, should be \(2, any, 3\)"):
+            ask(body(), np.zeros(wrong))

@@ -1,5 +1,7 @@
 """Contacts placed on bodies given by their distances: as on the superquadric that they are of."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -64,3 +66,11 @@ def test_stations_of_links_that_torques_exclude_do_not_count(block: EpisodeBlock
     two = places_on_field(
         links, felt.mask, sampled_field(np.where(possible, 0.008, 5.0), normal), **given)
     assert (one.point_m == two.point_m).all()
+
+
+@pytest.mark.parametrize("finger", [-1, 4])
+def test_contacts_are_of_fingers_that_the_hand_has(block: EpisodeBlock, finger: int) -> None:
+    links = block.exploration.belief.links
+    other = np.full_like(links.finger, finger)
+    with pytest.raises(ValueError, match=f"links.finger {finger}: wants 0 to 3"):
+        link_stations(replace(links, finger=other))

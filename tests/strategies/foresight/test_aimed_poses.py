@@ -1,6 +1,9 @@
 """Poses drawn in a kernel: beside the same draws made with NumPy's own functions."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from fit.rotation import matrix_of_quaternion
 from strategies.foresight.aimed_poses import (
@@ -84,3 +87,19 @@ def test_before_anything_is_felt_they_aim_at_the_prior() -> None:
     none = draw_aimed_poses(SEED, STEP, COUNT, PRIOR, np.zeros((WORLDS, 0, 3)),
                             np.zeros((WORLDS, 0), bool), SAMPLES, REACH_M)
     np.testing.assert_allclose(none[1], expected(1), rtol=0, atol=1e-12)
+
+
+def test_what_was_felt_is_told_by_flags() -> None:
+    """Of numbers the sum was more contacts than there are: others were read from beyond."""
+    with pytest.raises(TypeError, match="felt: is of int64; should be of bool"):
+        draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M, FELT * 5, SAMPLES, REACH_M)
+    with pytest.raises(ValueError, match=r"contact_m: .* should be \(world 3, contact 12, 3\)"):
+        draw_aimed_poses(SEED, STEP, 4, PRIOR, CONTACT_M[:, :5], FELT, SAMPLES, REACH_M)
+
+
+@pytest.mark.parametrize("wrong", [SAMPLES.open_m[None], SAMPLES.open_m[:, :2],
+                                   np.full_like(SAMPLES.open_m, np.nan)])
+def test_the_open_hand_is_places(wrong: np.ndarray) -> None:
+    """Of one dimension more, SciPy's hull ended the process."""
+    with pytest.raises(ValueError, match="open_m: "):
+        replace(SAMPLES, open_m=wrong)

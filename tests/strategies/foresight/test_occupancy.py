@@ -242,3 +242,16 @@ def test_a_grid_that_would_not_learn_is_refused() -> None:
     grid.hit = grid.hit.astype(float)
     with pytest.raises(ValueError, match=r"hit: float64 .* should be contiguous float32"):
         learn(grid, [0.45, 0.0, 0.06])
+
+
+@pytest.mark.parametrize(("name", "wrong", "told"), [
+    ("meets", np.array([1]), "meets 1: wants -1 to 0"), ("met", np.array([8]), "met 8: wants 0 to"),
+    ("met", np.zeros(2, int), r"met: .* should be \(finger 1,\)"),
+    ("feels", np.ones((1, 3), bool), r"feels: .* should be \(finger 1, ball 2\)")])
+def test_fingers_meet_others_that_there_are(name: str, wrong: np.ndarray, told: str) -> None:
+    """Kernels read places of a path and fingers by these numbers."""
+    given = {"balls_m": np.zeros((1, 7, 2, 3)), "feels": np.ones((1, 2), bool),
+             "joints_rad": np.zeros((1, 7, 1)), "met": np.full(1, 7), "meets": np.full(1, -1)}
+    SweptFingers(**given)
+    with pytest.raises(ValueError, match=told):
+        SweptFingers(**given | {name: wrong})

@@ -180,3 +180,12 @@ def test_every_number_of_a_family_moves_its_poses(family: type) -> None:
                                          prior(height=0.3), HAND, np.zeros(1, np.uint64))
                           for value in (0.7 * low + 0.3 * high, 0.3 * low + 0.7 * high))
             assert one.shape != other.shape or not np.allclose(one, other), f.name
+
+
+@pytest.mark.parametrize("name", ["x_m", "y_m", "radius_m", "height_m"])
+def test_a_prior_is_finite(name: str) -> None:
+    """LAPACK did not converge."""
+    given = {"x_m": np.full(2, 0.45), "y_m": np.zeros(2), "radius_m": np.full(2, 0.05),
+             "height_m": np.full(2, 0.1)} | {name: np.array([0.1, np.nan])}
+    with pytest.raises(ValueError, match=rf"prior.{name}: is nan at \(1,\); should be finite"):
+        waypoint_poses([Ring(count=2)], BoundingCylinder(**given), HAND, np.arange(2))

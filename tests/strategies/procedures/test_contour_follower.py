@@ -182,6 +182,16 @@ def test_a_wrong_axis_costs_accuracy_unless_it_is_refined() -> None:
     assert np.median(kept.rms_m[ended]) > 2.0 * np.median(refined.rms_m[ended])
 
 
+@pytest.mark.parametrize("wrong", [1e300, np.inf, 1e-12])
+def test_an_axis_of_no_length_is_a_bad_start(wrong: float) -> None:
+    robot, _ = set_up("beer_bottle", 2)
+    a = told_axis("beer_bottle", 2, sigma=0.0)
+    e = explore_contour(robot, Axis(a.foot_m, np.full((2, 3), wrong), a.length_m, a.radius_m))
+    assert list(e.reason) == [EndReason.BAD_START] * 2
+    with pytest.raises(ValueError, match=r"wanted: .* \(world 2,\)"):
+        explore_contour(robot, a, wanted=np.ones(3, bool))
+
+
 def test_an_axis_that_misses_and_other_bad_input() -> None:
     name = "beer_bottle"
     robot, _ = set_up(name, 6)

@@ -136,6 +136,19 @@ def test_bad_starts_end_with_a_reason_and_a_message() -> None:
     assert np.isfinite(planes_of(e).normal).all()
 
 
+@pytest.mark.parametrize("wrong", [1e300, np.inf, np.nan, 1e-12])
+def test_a_normal_of_no_length_is_a_bad_start(wrong: float) -> None:
+    """The length of a huge one overflowed, which ended the exploration of all worlds."""
+    robot, truth = set_up(2)
+    point, normal = told_face(truth, "near")
+    normal[1] = wrong
+    assert explore_plane(robot, point, normal).reason[1] == EndReason.BAD_START
+    for flags, kind in ((np.ones(3, bool), ValueError), (np.ones((2, 1), bool), ValueError),
+                        (np.ones(2), TypeError)):
+        with pytest.raises(kind, match=r"wanted: .* \(world 2,\)"):
+            explore_plane(robot, point, normal, wanted=flags)
+
+
 def test_every_reason_has_a_text_of_its_own() -> None:
     """An enumeration's members have no docstrings: asked for one, they give the class's."""
     assert set(REASON_TEXT) == set(EndReason)

@@ -86,3 +86,11 @@ def test_touches_and_what_belongs_to_them_are_as_many(
     with pytest.raises(ShapeError, match=f"'{name}'"):
         placed_squares(scene, [np.zeros(1)], np.zeros((2, points, 3)), np.ones((2, mask), bool),
                        np.ones((2, sigma)), np.zeros((2, 2)), device="cpu")
+
+
+@pytest.mark.parametrize("count", [0, 2])
+def test_turns_are_of_bodies_that_the_scene_has(count: int) -> None:
+    scene = scene_of([body_from_name("block")], "cpu")
+    with pytest.raises(ValueError, match=f"number of turns {count}: wants 1 to 1"):
+        placed_squares(scene, [np.zeros(1)] * count, np.zeros((2, 4, 3)), np.ones((2, 4), bool),
+                       np.ones((2, 4)), np.zeros((2, 2)), device="cpu")

@@ -165,3 +165,19 @@ def test_a_pose_that_is_no_number_is_not_reached() -> None:
     model = arm_named("panda")
     assert np.isnan(nearest_joints(model, np.full((1, 7), np.nan),
                                    np.array([model.home_rad]))).all()
+
+
+def test_joints_and_poses_of_other_shapes_are_refused() -> None:
+    """Joints that were not given stood at zero."""
+    model = arm_named("panda")
+    flange = np.array([[0.4, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0]])
+    with pytest.raises(ValueError, match=r"q_rad: .* should be \(pose, joint 7\)"):
+        flange_poses(model, np.zeros((1, 6)))
+    with pytest.raises(ValueError, match=r"last_rad: .* should be \(pose 1, joint 7\)"):
+        nearest_joints(model, flange, np.zeros((2, 7)))
+    for ask in (lambda wrong: nearest_joints(model, wrong, np.zeros((1, 7))),
+                lambda wrong: joint_choices(model, wrong)):
+        with pytest.raises(ValueError, match=r"flange: .* should be \(pose, 7\)"):
+            ask(flange[:, :6])
+    with pytest.raises(ValueError, match="starts 0: wants 1 to"):
+        joint_choices(model, flange, starts=0)

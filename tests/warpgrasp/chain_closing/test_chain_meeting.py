@@ -98,6 +98,9 @@ def test_a_robot_tells_its_own_fingers_by_their_angles() -> None:
     felt, truth = close(hand, "block", FAR, commands, contact=MEET)
     poses = FAR[:, None]
     own = chain_self_contacts(felt, poses, commands[None], hand, TABLE, QUIET, ErrorTable.none())
+    with pytest.raises(ValueError, match=r"closing.step .*: wants -1 to"):
+        chain_self_contacts(felt, poses, commands[None, :, :5], hand, TABLE, QUIET,
+                            ErrorTable.none())
     stopped = felt.status == 1
     assert stopped.any()
     assert (own[stopped] == truth.self_contact[stopped]).all()

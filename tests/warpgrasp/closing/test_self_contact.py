@@ -12,6 +12,8 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
+from warpgrasp.closing.closing import Closing
+from warpgrasp.closing.self_contact import self_contacts
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.random import counter_key
 from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
@@ -72,6 +74,19 @@ def test_a_hand_whose_fingers_do_not_meet_keeps_its_contacts() -> None:
         assert len(at_object) > 200
         assert len(at_itself) == 0
         assert at_object.mean() < 0.01
+
+
+def test_steps_are_of_the_commands() -> None:
+    """Commands were read from anywhere in memory."""
+    shape = 1, 1, 1, 4
+    closing = Closing(np.full(shape, int(ProbeStatus.CONTACT)), np.full(shape, 9),
+                      np.zeros((*shape, 4)), np.zeros((*shape, 4, 2)), np.zeros(shape))
+    pose = np.array([[[0.45, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]]])
+    self_contacts(closing, pose, np.zeros((1, 4, 10, 4)), HAND, SENSORS, ERRORS)
+    for step in (10, -2):
+        wrong = replace(closing, step=np.full(shape, step))
+        with pytest.raises(ValueError, match=f"closing.step {step}: wants -1 to 9"):
+            self_contacts(wrong, pose, np.zeros((1, 4, 10, 4)), HAND, SENSORS, ERRORS)
 
 
 @wp.kernel(enable_backward=False)

@@ -52,6 +52,8 @@ def test_keys_and_counters_are_whole_numbers(key: Any, counter: Any) -> None:
     """Shares and times were cut, so that all of a second gave the same numbers."""
     with pytest.raises(TypeError, match="should be whole numbers"):
         random.counter_key(key, counter)
+    with pytest.raises(ValueError, match=r"key: is \[ 3 -1\]; should be from 0 to"):
+        random.counter_key(np.array([3, -1]), 0)
     for wrong in (-1, 2**64):
         with pytest.raises(ValueError, match=f"key: is {wrong}; should be from 0 to"):
             random.counter_key(wrong, 0)

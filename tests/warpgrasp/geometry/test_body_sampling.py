@@ -83,3 +83,11 @@ def test_normals_of_a_grid_are_those_of_its_surface(tmp_path: Path) -> None:
     slope /= np.linalg.norm(slope, axis=1, keepdims=True)
     away = np.degrees(np.arccos(np.clip((slope * sample.surface_normal).sum(1), -1.0, 1.0)))
     assert np.quantile(away, 0.99) < 2.0
+
+
+@pytest.mark.parametrize(("surface", "inside", "told"), [
+    (0, 64, "surface 0: wants 1 to"), (-1, 64, "surface -1: wants 1 to"),
+    (2.5, 64, "surface 2.5: wants"), (64, 0, "inside 0: wants 1 to")])
+def test_a_sample_has_a_point_at_least(surface: int, inside: int, told: str) -> None:
+    with pytest.raises(ValueError, match=told):
+        sample_body(body_from_name("block"), surface=surface, inside=inside)

@@ -1,6 +1,7 @@
 """PUMA 560: forward and inverse kinematics undo each other; known configurations."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
@@ -67,3 +68,13 @@ def test_out_of_reach_is_nan_not_garbage(far: float, azimuth: float, elevation: 
                             np.sin(azimuth) * np.cos(elevation), np.sin(elevation)])
     pose = np.array([[*place + [0, 0, TABLE.d_m[0]], 0, 0, 0, 1.0]])
     assert np.isnan(puma_inverse_batch(TABLE, pose)).any(-1).all()
+
+
+@pytest.mark.parametrize("ask", [puma_forward_batch, puma_inverse_batch, puma_reachable_batch])
+def test_joints_and_poses_are_as_many_as_an_arm_has(ask) -> None:
+    """Five joints were six, the last at zero."""
+    count = 6 if ask is puma_forward_batch else 7
+    for wrong in (np.zeros((2, count - 1)), np.zeros((2, count + 1)), np.zeros(count)):
+        with pytest.raises(ValueError, match=rf"should be \(pose, {count}\)"):
+            ask(TABLE, wrong)
+    assert len(ask(TABLE, np.zeros((0, count)))) == 0

@@ -74,3 +74,11 @@ def test_limits_the_wrong_way_round_are_refused(
     """A spec's are; from Python fingers closed between stops that held them off each other."""
     with pytest.raises(ValueError, match=said):
         hand_of(replace(HAND, **limits))  # pyright: ignore[reportArgumentType]
+
+
+def test_poses_and_joints_of_other_shapes_are_refused() -> None:
+    for pose, q, told in ((HOME[:, :6], (1, 4, 4), r"hand_pose: .* \(pose, 7\)"),
+                          (HOME, (1, 4, 3), r"q_rad: .* \(pose 1, 4, 4\)"),
+                          (HOME, (2, 4, 4), r"q_rad: .* \(pose 1, 4, 4\)")):
+        with pytest.raises(ValueError, match=told):
+            hand_links(HAND, pose, np.zeros(q))

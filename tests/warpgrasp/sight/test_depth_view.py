@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.depth_view import MATCHED, DepthView, seen_depths
-from warpgrasp.sight.silhouette import stereo_cameras
+from warpgrasp.sight.silhouette import depths, silhouettes, stereo_cameras
 
 WORLDS = 6
 POSE = np.tile([0.45, 0.0, 0, 0, 0, 0, 1.0], (WORLDS, 1))
@@ -92,3 +93,25 @@ def test_a_batch_may_be_empty_and_poses_are_checked() -> None:
     for wrong in (POSE[:2], POSE[:0, :6]):
         with pytest.raises(ShapeError, match=r"body_pose: .*should be \(world 0, 7\)"):
             seen_depths(scene, none, wrong, cameras, EXACT, counter_key(4, none))
+
+
+@pytest.mark.parametrize(("name", "wrong", "told"), [
+    ("centre_m", np.full((6, 2, 3), np.nan), r"centre_m: is nan at \(0, 0, 0\); should be finite"),
+    ("axes", np.full((6, 2, 3, 3), np.inf), r"axes: is inf at .*; should be finite"),
+    ("axes", np.zeros((6, 1, 3, 3)), r"axes: of shape .*; should be \(world 6, camera 2, 3, 3\)"),
+    ("pixels", 0, "pixels 0: wants 1 to"), ("pixels", 2.5, "pixels 2.5: wants 1 to"),
+    ("focal_pixels", 0.0, "focal_pixels 0.0: should be above 0")])
+def test_cameras_have_places_and_pixels(name: str, wrong: Any, told: str) -> None:
+    """A camera that is nowhere saw nothing."""
+    with pytest.raises(ValueError, match=told):
+        replace(stereo_cameras(EXACT, POSE[:, :3]), **{name: wrong})
+
+
+@pytest.mark.parametrize("look", [silhouettes, depths])
+def test_objects_have_places_and_unit_quaternions(look) -> None:
+    cameras = stereo_cameras(EXACT, POSE[:, :3])
+    for wrong in (np.nan, 0.0):
+        pose = POSE.copy()
+        pose[1, 6] = wrong
+        with pytest.raises(ValueError, match=r"body_pose: that of world 1 is .* of length 1"):
+            look(scene_of([body_from_name("block")], "cpu"), np.zeros(1, int), pose, cameras)

@@ -148,3 +148,8 @@ def test_shapes_are_checked() -> None:
         mean_filter(np.zeros((16, 16)))
     with pytest.raises(ValueError, match="odd"):
         median_filter(np.zeros((1, 16, 16)), 4)
+    edges = np.ones((1, 8, 8), bool)
+    for wrong in ({"angles": 0}, {"angles": 2.5}, {"count": -1}, {"fewest": 0}, {"cell": 0.0},
+                  {"cell": -1.0}, {"cell": np.nan}):
+        with pytest.raises(ValueError, match=next(iter(wrong))):
+            hough_lines(edges, **wrong)  # type: ignore[arg-type]
