@@ -6,7 +6,7 @@ DEMO_EPISODES ?= 64
 DEMO_DIR ?= runs/demo
 WORKERS ?= 2
 
-.PHONY: demo bench test test-slow lint check validate paper-docs sensitivity-docs studies-docs errors-docs models pictures figures docs notebook docs-commands lock clean
+.PHONY: demo bench test test-lowest test-slow lint check validate paper-docs sensitivity-docs studies-docs errors-docs models pictures figures docs notebook docs-commands lock clean
 
 demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboard
 	$(BIN)/warpgrasp sweep sweeps/studies/demo.toml -o $(DEMO_DIR) --workers $(WORKERS) \
@@ -14,6 +14,13 @@ demo: $(VENV)/.installed  ## environment, install, the demo sweep, its leaderboa
 
 test: $(VENV)/.installed  ## every quick test, on two cores
 	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not slow"
+
+test-lowest: $(VENV)/.installed  ## every quick test, with the lowest versions of what the package needs
+	$(PYTHON) -m venv .venv-lowest
+	$(BIN)/python tests/scripts/lowest_versions.py > .venv-lowest/lowest.txt
+	.venv-lowest/bin/pip install -q --upgrade pip
+	.venv-lowest/bin/pip install -q -c .venv-lowest/lowest.txt . --group test --group engines
+	.venv-lowest/bin/python -m pytest -n 2 --dist loadfile -m "not slow" -o filterwarnings=default
 
 test-slow: $(VENV)/.installed  ## the heavy checks
 	$(BIN)/python -m pytest -m slow
@@ -74,7 +81,7 @@ lock:  ## pin every version with its hash, without addresses (needs uv)
 	uv pip compile --universal --generate-hashes --no-header --python-version 3.11 --group dev --extra validate -c requirements.lock pyproject.toml -o requirements-validate.lock
 
 clean:
-	rm -rf $(VENV) runs
+	rm -rf $(VENV) .venv-lowest runs
 
 docs: $(VENV)/.installed  ## the site in runs/docs/site, ready to be hosted; every link checked
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d runs/docs/trees docs runs/docs/site

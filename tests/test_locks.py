@@ -1,10 +1,12 @@
-"""The two lock files: who installs the second over the first keeps what the first pinned."""
+"""The two lock files, and the lowest versions: who installs the second lock over the first keeps what
+the first pinned."""
 
 import re
 import tomllib
 from pathlib import Path
 
 import pytest
+from lowest_versions import PROJECT, lowest_versions
 
 ROOT = Path(__file__).parent.parent
 LOCKS = ("requirements.lock", "requirements-validate.lock")
@@ -38,3 +40,14 @@ def test_what_the_project_asks_for_is_locked() -> None:
         asked += [v for v in group if isinstance(v, str)]
     names = {re.split(r"[\[<>=]", v)[0].lower() for v in asked}
     assert names <= {name for name, _, _ in pins("requirements-validate.lock")}
+
+
+def test_every_dependency_names_its_lowest_version() -> None:
+    """`make test-lowest` tries them; some that were allowed had failed."""
+    project = tomllib.loads(PROJECT.read_text())["project"]
+    found = lowest_versions(project["dependencies"])
+    assert len(found) == len(project["dependencies"])
+    assert all(re.fullmatch(r"[\w-]+==\d+(\.\d+)*", line) for line in found)
+    assert lowest_versions(["a-b>=1.2,<2", "c[d]==0.8.5"]) == ["a-b==1.2", "c==0.8.5"]
+    with pytest.raises(ValueError, match="numpy: names no lowest version"):
+        lowest_versions(["numpy"])
