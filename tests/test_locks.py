@@ -1,5 +1,4 @@
-"""The two lock files, and the lowest versions: who installs the second lock over the first keeps what
-the first pinned."""
+"""The two lock files, of which the second keeps what the first pinned, and the lowest versions."""
 
 import re
 import tomllib
