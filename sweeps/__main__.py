@@ -6,8 +6,10 @@ import sys
 def main() -> None:
     """The command line's entry point."""
     if sys.platform == "win32":
-        print("warpgrasp: runs on Linux and macOS; on Windows use the Windows Subsystem for Linux "
-              "(WSL)", file=sys.stderr)
+        from sweeps.output import say
+
+        say("warpgrasp: runs on Linux and macOS; on Windows use the Windows Subsystem for Linux "
+            "(WSL)")
         sys.exit(2)
     from sweeps.cli.main import main as run
 
