@@ -39,9 +39,9 @@ def running(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     spec, out = study(tmp_path, 60), tmp_path / "out"
     (tmp_path / "log").mkdir()
     # Tests that `nohup` runs hand on that they ignore SIGHUP.
-    process = subprocess.Popen(["env", "--default-signal=HUP", *command(spec, out)], text=True,
-                               stderr=subprocess.PIPE, stdout=subprocess.DEVNULL,
-                               env=environment(0.1, tmp_path / "log"))
+    process = subprocess.Popen(command(spec, out), stderr=subprocess.PIPE, text=True,
+                               stdout=subprocess.DEVNULL, env=environment(0.1, tmp_path / "log"),
+                               preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
     while not (process.poll() is not None or len(list(out.glob("units/*.parquet"))) > 1):
         time.sleep(0.02)
     yield process
