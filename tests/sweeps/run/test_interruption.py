@@ -38,10 +38,10 @@ def running(tmp_path: Path) -> Iterator[subprocess.Popen[str]]:
     """A study in `tmp_path / "out"`, of which two units are there and others are being run."""
     spec, out = study(tmp_path, 60), tmp_path / "out"
     (tmp_path / "log").mkdir()
-    # Tests that `nohup` runs hand on that they ignore SIGHUP.
+    kept = signal.signal(signal.SIGHUP, signal.SIG_DFL)  # also where `nohup` runs the tests
     process = subprocess.Popen(command(spec, out), stderr=subprocess.PIPE, text=True,
-                               stdout=subprocess.DEVNULL, env=environment(0.1, tmp_path / "log"),
-                               preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
+                               stdout=subprocess.DEVNULL, env=environment(0.1, tmp_path / "log"))
+    signal.signal(signal.SIGHUP, kept)
     while not (process.poll() is not None or len(list(out.glob("units/*.parquet"))) > 1):
         time.sleep(0.02)
     yield process
