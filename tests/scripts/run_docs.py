@@ -124,8 +124,13 @@ def whole_spec(fragment: str) -> str:
 
 
 def prepare(folder: Path) -> None:
-    """The files that a reader brings: points and meshes of one's own, as the pages name them."""
+    """The files that a reader brings: points, meshes and an arm of one's own, as the pages name
+    them."""
     import trimesh
+
+    from warpgrasp.export.robot_tree import arm_hand_tree
+    from warpgrasp.export.urdf import urdf_text
+    from warpgrasp.parameters import ArmTable, HandTable, PadTable
 
     rng = np.random.default_rng(1)
     angle, height = rng.uniform(-np.pi, np.pi, (3, 60)), rng.uniform(0.01, 0.12, (3, 60))
@@ -139,6 +144,9 @@ def prepare(folder: Path) -> None:
     (folder / "mine.json").write_bytes(SHIPPED.read_bytes())
     (folder / "vase.csv").write_text("z_mm,r_mm\n0,30\n60,40\n110,25\n")
     shutil.copy(folder / "examples/mine/mine.py", folder)
+    arm, _ = urdf_text(arm_hand_tree(ArmTable(kind="ur5e"), HandTable(), PadTable()), (),
+                       name="arm", mesh_stem="none")
+    (folder / "my_arm.urdf").write_text(arm.replace('"flange"', '"tool0"'))
 
 
 def copy_tree(folder: Path) -> None:
