@@ -107,7 +107,7 @@ def test_a_urdf_reader_puts_links_where_we_do(arm: bool, tmp_path) -> None:
         robot.update_cfg(dict(zip(joints, q[k], strict=True)))
         poses = {}
         for link in links:
-            matrix = robot.get_transform(link.name, "world")
+            matrix = np.array(robot.get_transform(link.name, "world"))  # no view: SciPy 1.15
             poses[link.name] = matrix[:3, 3], Rotation.from_matrix(matrix[:3, :3])
         check_fingers(poses, points[k], palmar[k])
 
