@@ -4,6 +4,7 @@ A study's directory is recognized by its `resolved.json`, or by `units/` beside 
 """
 
 import os
+import time
 from pathlib import Path
 
 from sweeps.output import write_atomic
@@ -14,12 +15,31 @@ RESULTS = ("leaderboard.csv", "race.csv", "race.svg", "search.csv", "sensitivity
 """What the command that works on a study writes there at its end."""
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "sensitivity.toml", *RESULTS)
 OWN_FOLDERS = ("units", "contacts", "logs", "inputs")
+_MOMENT_S = 0.2
 
 
 def is_study(folder: Path) -> bool:
     """Whether a directory holds a study, or what is left of one."""
     return (folder / "resolved.json").exists() or (
         (folder / "units").is_dir() and (folder / "logs").is_dir())
+
+
+def other_files(folder: Path) -> list[str]:
+    """Names of what is in a directory that holds no study, but what one begins with. Raises
+    OSError."""
+    found = _strangers(folder)
+    if found and set(found) <= {"logs", "units"}:
+        time.sleep(_MOMENT_S)  # a run that begins beside makes one after the other
+        found = _strangers(folder)
+    return found
+
+
+def _strangers(folder: Path) -> list[str]:
+    if not folder.exists():
+        return []
+    found = sorted(file.name for file in folder.iterdir()
+                   if not file.name.startswith(".lock-") and file.name != "sensitivity.toml")
+    return [] if is_study(folder) else found  # asked last: one may just have begun
 
 
 def study_of_file(path: Path, own: str = "") -> Path | None:

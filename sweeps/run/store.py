@@ -14,7 +14,7 @@ from typing import Any
 
 from sweeps.file_lock import holder_of, same_file, try_lock, turn
 from sweeps.output import write_atomic
-from sweeps.result_file import OWN_FILES, is_study
+from sweeps.result_file import OWN_FILES, other_files
 from sweeps.run.environment import describe_environment
 from sweeps.run.inputs import keep_inputs
 from sweeps.run.plan import Plan, Unit, differences, digest, extends, plan_study, study_of
@@ -56,15 +56,13 @@ class Store:
         Raises StoreError with exit code 3: nothing of a folder of the user's is written over.
         """
         try:
-            others = () if is_study(self.folder) or not self.folder.exists() else sorted(
-                file.name for file in self.folder.iterdir()
-                if not file.name.startswith(".lock-") and file.name != "sensitivity.toml")
-            if others:
-                more = f" and {len(others) - 3} more" if len(others) > 3 else ""
-                raise StoreError(f"{self.folder}: holds {', '.join(map(short, others[:3]))}{more}, "
-                                 "and no study; choose a new or an empty directory", 3)
+            others = other_files(self.folder)
         except OSError as error:
             raise self._unwritable(error) from None
+        if others:
+            more = f" and {len(others) - 3} more" if len(others) > 3 else ""
+            raise StoreError(f"{self.folder}: holds {', '.join(map(short, others[:3]))}{more}, "
+                             "and no study; choose a new or an empty directory", 3)
 
     def open_for(self, plan: Plan, spec_text: bytes | None, device: str) -> list[str]:
         """Makes the directory the study's own; returns notes for the user.

@@ -331,6 +331,18 @@ def test_of_two_specs_that_begin_at_once_one_is_refused(
     assert begun == {"", Store(tmp_path / "out").resolved()["hash"]}
 
 
+def test_a_run_that_begins_beside_is_no_other_file(tmp_path: Path) -> None:
+    """Of shards that began at once one was told of `logs` and `units` and no study, which the other
+    was just making."""
+    (tmp_path / "units").mkdir()
+    with ThreadPoolExecutor() as pool:
+        pool.submit(lambda: (time.sleep(0.05), (tmp_path / "logs").mkdir()))
+        Store(tmp_path).refuse_other_files()
+    (tmp_path / "logs").rmdir()
+    with pytest.raises(StoreError, match="holds 'units', and no study"):
+        Store(tmp_path).refuse_other_files()
+
+
 def test_rows_are_named_by_their_unit_and_must_be_whole(whole: tuple[Plan, Path]) -> None:
     plan, _ = whole
     unit = next(plan.units())
