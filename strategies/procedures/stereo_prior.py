@@ -16,7 +16,7 @@ from warpgrasp.robot import Robot
 if TYPE_CHECKING:
     from warpgrasp.sight.silhouette import Cameras
 _READ = 3
-"""Numbers read off each image: left, right, top."""
+"""Numbers read off each image: right, left, top."""
 
 
 def see_cylinder(robot: Robot, target_m: np.ndarray,
@@ -40,7 +40,7 @@ def cylinder_of(seen: np.ndarray, noise: np.ndarray,
                 cameras: "Cameras") -> tuple[BoundingCylinder, np.ndarray]:
     """As `see_cylinder`, of silhouettes (world, camera 2, row, column).
 
-    `noise` (world, camera 2, 3) [pixels] moves the left, right and upper edge.
+    `noise` (world, camera 2, 3) [pixels] moves the right, left and upper edge outwards.
     """
     border = np.concatenate([seen[..., 0, :], seen[..., -1, :], seen[..., 0], seen[..., -1]], -1)
     whole = np.all(seen.any((2, 3)) & ~border.any(-1), axis=1)
