@@ -27,7 +27,7 @@ class FaceModel:
     """A polyhedron, given by its faces."""
 
     name: str
-    faces: tuple[Float[np.ndarray, "corner 3"], ...]
+    faces: tuple[Float[np.ndarray, "_ 3"], ...]
     """Corners of each convex face [m], counter-clockwise seen from outside."""
 
     @cached_property
@@ -47,7 +47,7 @@ class FaceModel:
         return np.array([c.mean(axis=0) for c in self.faces])
 
     @cached_property
-    def inward(self) -> tuple[Float[np.ndarray, "edge 3"], ...]:
+    def inward(self) -> tuple[Float[np.ndarray, "_ 3"], ...]:
         """Of each face: unit vectors within its plane, from each edge inwards."""
         across = [np.cross(n, np.roll(c, -1, axis=0) - c)
                   for c, n in zip(self.faces, self.normals, strict=True)]

@@ -18,7 +18,7 @@ FEWEST_FACES = 4
 
 def polyhedron_faces(
     normals: Float[np.ndarray, "face 3"], offset_m: Float[np.ndarray, " face"],
-) -> list[Float[np.ndarray, "corner 3"]]:
+) -> list[Float[np.ndarray, "_ 3"]]:
     """Corners [m] of each face of the body n.x <= offset, counter-clockwise seen from outside.
 
     A face without area has no corners. `normals` are unit vectors. Raises ValueError for arrays of

@@ -104,6 +104,34 @@ def test_faces_find_the_block_and_its_pose_and_not_another() -> None:
     assert np.allclose(offset, half, atol=4e-3)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_exact_touches_of_a_body_without_symmetry_are_told_by_their_faces(seed: int) -> None:
+    """A box with four more cuts, whose opposite faces are not parallel."""
+    rng = np.random.default_rng(seed)
+    cuts = rng.normal(size=(4, 3))
+    cuts /= np.linalg.norm(cuts, axis=1, keepdims=True)
+    model = model_of_planes("cut", np.concatenate([np.eye(3), -np.eye(3), cuts]), np.append(
+        np.tile([0.03, 0.04, 0.06], 2), rng.uniform(0.015, 0.03, 4)))
+    faces = rng.permutation(len(model.faces))[:7]
+    points = np.array([rng.dirichlet(np.ones(len(c))) @ c for c in (model.faces[f] for f in faces)])
+    found = interpretations(points, model.normals[faces], model, angle_rad=0.05, distance_m=5e-4)
+    assert tuple(faces) in {f.assignment for f in found}
+
+
+@pytest.mark.parametrize(("points", "ways"), [
+    ([[0.03, 0, 0], [0, 0.04, 0], [0, 0, 0.06]], [0, 1, 2]),
+    ([[0.03, 0.035, 0], [0.03, -0.035, 0], [0, 0.04, 0], [0, 0, 0.06]], [0, 0, 1, 2])])
+def test_each_normal_may_err_by_the_bound(points: list[list[float]], ways: list[int]) -> None:
+    """Of two faces, or at two places of one, in opposite senses, so that they turn no pose."""
+    model, bound = block_model("block", (0.06, 0.08, 0.12)), 0.2
+    true, sense = np.eye(3)[ways], np.pad([1.0, -1.0], (0, len(ways) - 2))[:, None]
+    for share, possible in ((0.95, True), (1.2, False)):
+        turn = share * bound * sense
+        normals = np.cos(turn) * true + np.sin(turn) * np.cross([0.0, 0.0, 1.0], true)
+        found = interpretations(np.array(points), normals, model, angle_rad=bound, distance_m=1e-3)
+        assert any(np.allclose(model.normals[list(f.assignment)], true) for f in found) == possible
+
+
 def test_a_touch_of_something_else_is_left_over() -> None:
     model = block_model("block", (0.06, 0.08, 0.12))
     _, place, points, normals = felt_block(3, model)
