@@ -4,6 +4,7 @@ from dataclasses import fields, replace
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from fit.arrays import rows_of
 from fit.revolution.record import RevolutionFit
@@ -12,7 +13,11 @@ from strategies.planners.next_procedure import turned
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile, with_profiles
 from strategies.procedures.options import DecideTable
-from strategies.recovery.complete_contour import contour_span, whole_profile
+from strategies.recovery.complete_contour import (
+    contour_span,
+    revolution_of_all,
+    whole_profile,
+)
 from strategies.recovery.evidence import Evidence
 
 PRIOR = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, 0.05, 0.12)))
@@ -52,6 +57,12 @@ def test_a_contour_blocked_below_the_cone_is_completed_by_grasps() -> None:
     radius = np.interp(z, whole.height_m[0], whole.radius_m[0])
     assert np.allclose(radius, np.where(z < 0.04, 0.006, 0.006 + 0.55 * (z - 0.04)), atol=0.003)
     assert np.isclose(whole.length_m[0], 0.12, atol=0.004)
+    # A stem, and a frustum that opens from its radius.
+    wide = 0.006 + 0.55 * 0.08
+    volume = np.pi * (0.006**2 * 0.04 + 0.08 / 3 * (0.006**2 + 0.006 * wide + wide**2))
+    assert whole.volume_m3[0] == pytest.approx(volume, rel=0.1)
+    assert whole.largest_radius_m[0] == pytest.approx(wide, abs=0.003)
+    assert 0.0003 < whole.rms_m[0] < 0.001  # touches err by 0.5 mm
 
 
 def test_one_touch_far_above_does_not_make_it_tall() -> None:
@@ -62,6 +73,14 @@ def test_one_touch_far_above_does_not_make_it_tall() -> None:
     assert whole.length_m[0] < 0.125
 
 
+def test_touches_beyond_the_prior_and_its_error_take_no_part() -> None:
+    """The prior reaches 50 mm out and 120 mm up, and errs by 30 mm."""
+    beyond = np.array([[0.45, 0.01, 0.151], [0.45, 0.081, 0.05]])
+    within = np.array([[0.45, 0.01, 0.149], [0.45, 0.079, 0.05]])
+    felt = np.concatenate([stem_and_cone(60, 0.01, 0.12, 2), beyond, within])
+    assert revolution_of_all(evidence_of(felt), PRIOR).n_points.tolist() == [62]
+
+
 def test_a_contour_followed_to_the_top_is_left_as_it_is() -> None:
     points = np.concatenate([stem_and_cone(20, 0.015, 0.12, 1), stem_and_cone(40, 0.01, 0.12, 2)])
     evidence, profile = evidence_of(points), followed_to(0.12)
@@ -69,6 +88,9 @@ def test_a_contour_followed_to_the_top_is_left_as_it_is() -> None:
     assert low[0] < 0.3
     assert high[0] > 0.9
     assert whole_profile(profile, evidence, np.arange(20), PRIOR) is profile
+    padded = evidence_of(np.concatenate([points, np.zeros((40, 3))]))
+    there = contour_span(profile, replace(padded, mask=np.arange(100)[None] < 60), np.arange(20))
+    np.testing.assert_array_equal(there, (low, high))
 
 
 def test_a_funnel_is_round_and_a_block_is_not() -> None:

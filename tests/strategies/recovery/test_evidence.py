@@ -15,6 +15,7 @@ from strategies.recovery.evidence import (
     evidence_from_touches,
     joined_evidence,
     no_evidence,
+    slots_of_touches,
 )
 from warpgrasp.parameters import FitTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
@@ -62,6 +63,30 @@ def test_a_pad_tells_a_place_best_along_its_normal() -> None:
     for across in ([1.0, 2.0, 0.0], [-1.0, 0.0, 1.0]):
         np.testing.assert_allclose(covariance @ across, TANGENT_SIGMA_M**2 * np.array(across),
                                    atol=1e-20)
+
+
+def test_what_is_felt_of_the_table_is_no_evidence_of_the_body() -> None:
+    touch = line([ProbeStatus.CONTACT] * 2)
+    touch.point_m[0, 2] = 0.003
+    log = TouchLog(4)
+    log.add(np.arange(2), touch, np.arange(2), np.zeros(2, int), 0, 0)  # pyright: ignore
+    found, _ = evidence_from_touches(log.table(), None, 2, 1, LIKE, HandTable())
+    assert found.mask.tolist() == [[False], [True]]
+
+
+@pytest.mark.parametrize("made", [1, 4, 5, 7, 23])
+def test_as_many_touches_are_kept_as_there_are_slots_and_one_in_each(made: int) -> None:
+    touch = line([ProbeStatus.CONTACT] * made)
+    log = TouchLog(4)
+    for world in (1, 0, 1):  # in turn, as procedures make them
+        log.add(np.full(made, world), touch, np.arange(made), np.zeros(made, int), 0, 0)  # pyright: ignore
+    rows, (world, slot) = slots_of_touches(log.table(), 2, 5)
+    kept = [min(made, 5), min(2 * made, 5)]
+    assert np.bincount(world).tolist() == kept
+    assert sorted(zip(world, slot, strict=True)) == [
+        (w, k) for w, count in enumerate(kept) for k in range(count)]
+    np.testing.assert_array_equal(log.table().world[rows], world)
+    assert (np.diff(rows[world == 1]) > 0).all()
 
 
 def test_many_misses_are_thinned_evenly_and_apart_from_other_worlds() -> None:

@@ -124,6 +124,22 @@ def test_a_finger_that_passed_through_contradicts_any_body() -> None:
     assert swept(body(), evidence(np.zeros((1, 3)), OUTSIDE)).tolist() == [False]
 
 
+def test_slots_without_a_ball_do_not_hide_that_a_finger_passed_through() -> None:
+    few = evidence(np.zeros((1, 3)), np.concatenate([ON_THE_AXIS, np.zeros((60, 3))]))
+    assert swept(body(), replace(few, free_mask=np.arange(64)[None] < 4)).tolist() == [True]
+
+
+@pytest.mark.parametrize(("up_m", "right"), [(0.0, True), (-0.012, False), (0.032, False)])
+def test_a_contour_that_leans_stands_on_its_rim(up_m: float, right: bool) -> None:
+    """By 20 degrees; its axis ends above the table by the radius times the sine of that."""
+    lean = np.radians(20)
+    foot = np.array([[0.45, 0.0, 0.03 * np.sin(lean) + up_m]])
+    found = RevolutionBody(foot, np.array([[np.sin(lean), 0.0, np.cos(lean)]]),
+                           np.linspace(0.0, 0.10, 6)[None], np.full((1, 6), 0.03))
+    points = revolution_surface(found)[0][0][::40]
+    assert plausible_contour(found, evidence(points, OUTSIDE), PRIOR).tolist() == [right]
+
+
 def test_contacts_far_from_the_body_are_not_its() -> None:
     recovered = Recovered(np.array([Shape.SUPERQUADRIC]), body())
     points = np.array([[[0.45 + 0.04, 0.0, 0.05], [0.45 + 0.045, 0.0, 0.05],
