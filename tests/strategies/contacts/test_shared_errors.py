@@ -38,6 +38,31 @@ def along(difference: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.abs(np.sum(difference * normal, axis=-1))[0]
 
 
+@pytest.mark.parametrize("link", range(3))
+def test_contacts_on_any_link_are_moved_by_what_comes_before_them_alone(link: int) -> None:
+    """In the middle of a link: by the joints up to its own, by the lengths of links before it."""
+    links, _, _ = stood()
+    pose, q, finger = links.hand_pose[0], links.q_rad[0], links.finger[0]
+
+    def middles(hand: HandTable, q: np.ndarray) -> np.ndarray:
+        points = hand_links(hand, pose, np.repeat(q[:, None], 4, axis=1))[0][np.arange(N), finger]
+        return points[:, 1 + link:3 + link].mean(1)
+
+    before = middles(HAND, q)
+    vectors = shared_vectors(replace(links, link=np.full((1, N), link)), before[None], ERRORS, ARM)
+    own = vectors[0, np.arange(N)[:, None], :, EACH_FINGER * finger[:, None] + np.arange(6)]
+    for joint in range(4):
+        turned = q + STEP * (np.arange(4) == joint)
+        np.testing.assert_allclose(
+            np.linalg.norm(own[:, joint], axis=1) / ERRORS.joint_offset_rad,
+            np.linalg.norm(middles(HAND, turned) - before, axis=1) / STEP, rtol=1e-4, atol=1e-7)
+    for k in range(2):
+        length = np.array(HAND.link_length_m) * (1.0 + STEP * (np.arange(3) == k) * (k < link))
+        moved = middles(replace(HAND, link_length_m=tuple(length)), q) - before
+        np.testing.assert_allclose(own[:, 4 + k] / ERRORS.link_length_share, moved / STEP,
+                                   rtol=1e-4, atol=1e-7)
+
+
 def own_columns(shifts: np.ndarray, links, number: int) -> np.ndarray:
     return np.abs(shifts[0, np.arange(N), EACH_FINGER * links.finger[0] + number])
 
