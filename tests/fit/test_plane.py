@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fit.fit_status import FitStatus
 from fit.plane import fit_plane
-from fit.rotation import matrix_of_quaternion
+from fit.rotation import is_upward, matrix_of_quaternion
 
 
 def patch(n: int, count: int, noise: float, rng, off: float = 0.0):
@@ -24,6 +24,13 @@ def patch(n: int, count: int, noise: float, rng, off: float = 0.0):
 
 def angle(a, b):
     return np.arcsin(np.minimum(np.linalg.norm(np.cross(a, b), axis=-1), 1))
+
+
+def test_a_direction_is_upward_by_the_last_of_its_components_that_is_not_zero() -> None:
+    up = np.array([[0.6, -0.8, 1e-3], [-0.6, 0.8, 0.0], [-0.6, 0.8, -1e-12], [1.0, 0.0, 0.0],
+                   [1.0, -1e-12, 1e-12]])
+    assert is_upward(up).ravel().tolist() == [True] * 5
+    assert is_upward(-up).ravel().tolist() == [False] * 5
 
 
 @pytest.mark.parametrize("bow", [0.0, 0.003])

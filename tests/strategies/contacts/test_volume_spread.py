@@ -8,8 +8,12 @@ from beliefs import BODY, belief, on_side
 
 from fit.revolution.geometry import RevolutionBody
 from fit.superquadric.geometry import superquadric_volume
-from strategies.contacts.body_uncertainty import calibrated_uncertainty, parameter_uncertainty
-from strategies.contacts.felt import Felt
+from strategies.contacts.body_uncertainty import (
+    TOUCH_SIGMA_M,
+    calibrated_uncertainty,
+    parameter_uncertainty,
+)
+from strategies.contacts.felt import FARTHEST_M, FOOT_M, Felt, unfelt_distance
 from strategies.contacts.finger_touch import no_links
 from strategies.contacts.volume_spread import (
     FeltBy,
@@ -105,6 +109,41 @@ def test_touches_of_the_flat_end_say_nothing_of_the_radius() -> None:
         return float(found.signs.own_std[0])
 
     assert own_std(80) == pytest.approx(own_std(40))
+
+
+@pytest.mark.parametrize("count", [20, 80])
+def test_a_contour_without_shared_errors_is_as_sure_as_it_has_touches(count: int) -> None:
+    """A shift of a whole surface by d changes the volume by the area times d."""
+    height, radius, foot = 0.1, 0.03, np.array([0.45, 0.0, 0.0])
+    angle, z = np.linspace(0.0, 40.0, count), np.linspace(0.01, 0.09, count)
+    points = foot + np.stack([radius * np.cos(angle), radius * np.sin(angle), z], 1)
+    mask = np.ones((1, count), bool)
+    felt = Felt(points[None], mask, np.tile(1e-6 * np.eye(3), (1, count, 1, 1)), ~mask, mask)
+    contour = RevolutionBody(foot[None], np.array([[0.0, 0.0, 1.0]]), np.array([[0.0, height]]),
+                             np.full((1, 2), radius))
+    body = BODY._replace(**{n: getattr(BODY, n)[:1] for n in BODY._fields})
+    prior = BoundingCylinder(*(np.array([v]) for v in (0.45, 0.0, radius, 1.5 * height)))
+    given = (felt, no_links(1, count, HandTable()), ErrorTable.none(),
+             ArmTable(repeatability_m=0.0))
+    found = calibrated_uncertainty(body, parameter_uncertainty(body, *given), contour,
+                                   np.array([True]), *given, prior).signs
+    area, volume = 2 * np.pi * radius * (radius + height), np.pi * radius**2 * height
+    assert found.own_std == pytest.approx(area / volume * TOUCH_SIGMA_M / np.sqrt(count), rel=0.01)
+    assert found.missing == pytest.approx(0.5, rel=0.05)
+    assert found.unfelt.tolist() == [0.0]
+    assert found.empty == pytest.approx(np.log(1.5))
+
+
+def test_a_place_is_as_unfelt_as_the_nearest_contact_that_counts_is_far() -> None:
+    points = np.array([[[0.4, 0.0, 0.1], [0.4, 0.03, 0.1], [0.4, 0.05, 0.1]]] * 3)
+    mask = np.array([[True] * 3, [True, False, True], [False] * 3])
+    contradicted = np.array([[False, True, False], [False] * 3, [False] * 3])
+    felt = Felt(points, mask, np.zeros((3, 3, 3, 3)), contradicted, ~mask)
+    asked = np.array([[[0.4, 0.03, 0.1], [0.4, 0.9, 0.1], [0.4, 0.03, 0.9 * FOOT_M]]] * 3)
+    away = [0.02, FARTHEST_M, 0.0]
+    np.testing.assert_allclose(unfelt_distance(asked, felt),
+                               [away, away, [FARTHEST_M, FARTHEST_M, 0.0]])
+    np.testing.assert_allclose(felt.contradicted_share(), [1 / 3, 0.0, 0.0])
 
 
 def test_the_uncertainty_outlives_the_mask_of_worlds(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,10 +6,12 @@ import numpy as np
 from beliefs import belief, on_side
 
 from fit.superquadric.fit import fit_superquadric
+from fit.superquadric.geometry import superquadric_points
 from strategies.planners.adaptive import GreedyCoverage
 from strategies.planners.prior_body import planning_belief, prior_surface
+from strategies.poses.waypoints import BoundingBox
 from strategies.recovery.belief import Belief
-from strategies.recovery.choose_model import or_prior
+from strategies.recovery.choose_model import or_prior, prior_superquadric
 from strategies.recovery.upright import stand_upright
 
 
@@ -26,6 +28,18 @@ def test_nothing_felt_is_the_told_cylinder() -> None:
     untrusted = replace(belief(), fitted=np.zeros(2, bool))
     larger, _ = planning_belief(untrusted, np.array([0.01, -0.01]))
     assert np.allclose(larger.body.size_m[:, 0], [0.045, 0.025])
+
+
+def test_a_box_that_is_told_stands_turned_by_its_yaw() -> None:
+    half, yaw = np.array([[0.06, 0.02], [0.03, 0.05]]), np.array([0.5, -1.1])
+    box = BoundingBox(np.array([0.4, 0.5]), np.array([0.1, 0.0]), np.hypot(*half.T),
+                      np.array([0.1, 0.2]), half, yaw)
+    arm = superquadric_points(prior_superquadric(box), 2400) - np.stack(
+        [box.x_m, box.y_m, box.height_m / 2], 1)[:, None]
+    along, across = (np.stack([np.cos(a), np.sin(a)], 1)[:, None] for a in (yaw, yaw + np.pi / 2))
+    for way, most in ((along, half[:, 0]), (across, half[:, 1])):
+        np.testing.assert_allclose((arm[..., :2] * way).sum(2).max(1), most, rtol=0.02)
+    np.testing.assert_allclose(arm[..., 2].max(1), box.height_m / 2, rtol=0.02)
 
 
 def test_few_touches_move_what_was_told() -> None:

@@ -19,6 +19,7 @@ from strategies.poses.hand_poses import (
     waypoint_poses,
 )
 from strategies.poses.waypoints import (
+    BoundingBox,
     BoundingCylinder,
     Column,
     Csv,
@@ -138,6 +139,41 @@ def test_a_spiral_climbs_as_it_goes_around() -> None:
     assert (np.diff(poses[:, 2]) > 0).all()
     angle = np.unwrap(np.arctan2(poses[:, 1] - 0.02, poses[:, 0] - 0.45))
     assert np.allclose(angle[-1] - angle[0], 4 * pi, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [2, 4, 6, 8])
+def test_pairs_that_oppose_look_at_all_sides(count: int) -> None:
+    poses = waypoint_poses((Opposing(count=count, tilt_rad=radians(70)),), prior(), HAND,
+                           np.zeros(1, np.uint64))[0]
+    way = axis(poses, 2)[:, :2]
+    np.testing.assert_allclose(way[::2], -way[1::2], atol=1e-9)
+    azimuth = np.sort(np.arctan2(way[:, 1], way[:, 0]))
+    np.testing.assert_allclose(np.diff(azimuth), 2 * pi / count, atol=1e-9)
+
+
+@pytest.mark.parametrize("count", [2, 3, 5])
+def test_hands_from_above_close_along_lines_evenly_over_half_a_turn(count: int) -> None:
+    poses = waypoint_poses((Top(count=count),), prior(), HAND, np.zeros(1, np.uint64))[0]
+    closing = axis(poses, 0)
+    twice = 2 * np.arctan2(closing[:, 1], closing[:, 0])  # of a line, whichever its sense
+    np.testing.assert_allclose(np.abs(np.exp(1j * twice).sum()), 0.0, atol=1e-9)
+    apart = np.abs(np.exp(1j * twice)[:, None] - np.exp(1j * twice)) + 9 * np.eye(count)
+    assert apart.min() > 1.9 * np.sin(pi / count)
+
+
+def test_a_box_is_as_wide_as_its_corners_reach_and_faces_the_robot_with_a_side() -> None:
+    rng, n = np.random.default_rng(2), 40
+    half, yaw = rng.uniform(0.01, 0.08, (n, 2)), rng.uniform(-pi, pi, n)
+    x, y = rng.normal(size=(2, n))
+    box = BoundingBox(x, y, np.hypot(*half.T), np.full(n, 0.1), half, yaw)
+    # Level places as complex numbers.
+    corners = np.exp(1j * yaw)[:, None] * (half @ [[1, 1, -1, -1], [1j, -1j, 1j, -1j]])
+    angle = rng.uniform(-pi, pi, (n, 5))
+    reach = (np.exp(-1j * angle)[:, :, None] * corners[:, None]).real.max(2)
+    np.testing.assert_allclose(box.half_width(angle), reach)
+    sides = yaw[:, None] + pi / 2 * np.arange(4)
+    best = (np.exp(1j * sides) * -np.conj(x + 1j * y)[:, None]).real.argmax(1)
+    np.testing.assert_allclose(np.cos(box.front() - sides[np.arange(n), best]), 1.0)
 
 
 def test_hemisphere_directions_are_spread_over_the_whole_cap() -> None:

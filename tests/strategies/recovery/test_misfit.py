@@ -3,11 +3,13 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from beliefs import BODY, belief, on_side
+from scipy import stats
 
 from fit.superquadric.fit import fit_superquadric
 from strategies.recovery.fit_contacts import recover_bodies
-from strategies.recovery.misfit import FARTHEST_M, doubt, touch_misfit
+from strategies.recovery.misfit import FARTHEST_M, doubt, schwarz, touch_misfit
 from warpgrasp.parameters import FitTable
 
 
@@ -39,3 +41,19 @@ def test_a_doubted_body_is_never_farther_from_its_touches_with_rivals() -> None:
     plain, placed = recover_bodies(evidence, None, FitTable(rivals=False))
     tried, where = recover_bodies(evidence, None, FitTable())
     assert (touch_misfit(tried, where) <= touch_misfit(plain, placed) + 1e-12).all()
+
+
+def test_schwarz_weighs_laplaces_likelihood_against_parameters() -> None:
+    """Differences of twice the logarithm, at the likeliest scale: the mean distance."""
+    rng = np.random.default_rng(7)
+
+    def known(distance_m: np.ndarray, parameters: int) -> tuple[float, float]:
+        misfit, count = float(np.abs(distance_m).mean()), len(distance_m)
+        likely = stats.laplace(scale=misfit).logpdf(distance_m).sum()
+        return (schwarz(misfit, count, parameters, 1e-4),
+                -2.0 * likely + parameters * np.log(count))
+
+    (one, own), (other, its) = (known(rng.laplace(scale=scale, size=40), parameters)
+                                for scale, parameters in ((0.001, 15), (0.0015, 11)))
+    assert one - other == pytest.approx(own - its)
+    assert schwarz(1e-5, 40, 11, 1e-3) == schwarz(9e-4, 40, 11, 1e-3)

@@ -1,0 +1,51 @@
+"""Densities of felt faces, against what distances and faces too many count by hand."""
+
+import numpy as np
+import pytest
+
+from strategies.recognition.descriptions import FeltFaces
+from strategies.recognition.match_faces import (
+    BROAD,
+    SPURIOUS,
+    closed_model,
+    log_density_of_any,
+    log_density_of_faces,
+)
+
+SIZE_M, STD_M = np.array([0.06, 0.08, 0.12]), 0.002
+SIDES = np.array([[0, 0, 1], [1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0]], float)
+BLOCK = closed_model("block", np.concatenate([SIDES, [[0, 0, -1]]]), np.array(
+    [SIZE_M[2], *np.repeat(SIZE_M[:2] / 2, 2), 0.0]))
+
+
+def felt(sides: list[int], off_m: float = 0.0, strange: bool = False) -> FeltFaces:
+    """Faces of a block that stands elsewhere, the last one off; maybe one that is none of its."""
+    normals = SIDES[sides]
+    middles = [0.4, 0.1, 0.06] + 0.5 * normals * SIZE_M
+    middles[-1] += off_m * normals[-1]
+    if strange:
+        way = np.array([[0.6, 0.8, 0.0]])
+        normals, middles = np.append(way, normals, 0), np.append([[0.42, 0.13, 0.06]], middles, 0)
+    return FeltFaces(middles, normals)
+
+
+@pytest.mark.parametrize(("sides", "distances"), [
+    ([0, 1], 1), ([1, 2], 1), ([0, 1, 3], 1), ([1, 2, 3], 1), ([0, 1, 2, 3], 2),
+    ([0, 1, 2, 3, 4], 3)])
+def test_a_face_counts_unless_it_only_fixes_the_place(sides: list[int], distances: int) -> None:
+    """The table tells the height of the top; sides must tell two places on the table first."""
+    assert BLOCK is not None
+    each = -np.log(STD_M * np.sqrt(2 * np.pi))
+    assert log_density_of_faces(felt(sides), BLOCK, STD_M) == pytest.approx(
+        distances * each, abs=1e-4)
+    assert log_density_of_any(felt(sides)) == pytest.approx(distances * BROAD)
+
+
+def test_a_face_off_its_plane_is_less_likely_and_one_too_many_as_spurious() -> None:
+    assert BLOCK is not None
+    exact, off, more = (log_density_of_faces(felt([1, 3, 0], *change), BLOCK, STD_M)
+                        for change in ((), (0.004,), (0.0, True)))
+    # Between top and table the error is shared: each lies off by half of it.
+    assert exact - off == pytest.approx(0.5 * 2 * 0.002**2 / STD_M**2, rel=0.01)
+    assert more - exact == pytest.approx(np.log(SPURIOUS) + BROAD, abs=1e-3)
+    assert log_density_of_faces(felt([1, 0], 0.03), BLOCK, STD_M) == -np.inf  # of two, neither is
