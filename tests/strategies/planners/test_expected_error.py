@@ -3,11 +3,11 @@
 from dataclasses import replace
 
 import numpy as np
-from beliefs import belief, on_side
+from beliefs import BODY, belief, on_side
 
 from strategies.foresight.surface_process import SurfaceProcess
 from strategies.planners.candidates import candidate_poses, predicted_touches
-from strategies.planners.expected_error import ExpectedError, _falls
+from strategies.planners.expected_error import ExpectedError, _falls, parameter_prior
 
 
 def test_the_fall_is_that_of_conditioning_by_hand() -> None:
@@ -62,3 +62,14 @@ def test_poses_that_meet_nothing_gain_nothing() -> None:
     gain = ExpectedError().gain(
         replace(belief(), closings=("curl40",)), poses, np.ones((2, 3), bool))
     np.testing.assert_array_equal(gain, 0.0)
+
+
+def test_a_body_that_stands_may_turn_about_the_vertical_alone_and_taper_upwards_alone() -> None:
+    """The second lies, its x upwards: by a quarter turn about y."""
+    half = np.sqrt(0.5)
+    body = BODY._replace(quaternion_xyzw=np.array([[0, 0, 0, 1], [0, half, 0, half]], float))
+    prior = parameter_prior(body)
+    assert prior[:, 5:8].argmax(1).tolist() == [2, 0]
+    assert (np.sort(prior[:, 5:8], axis=1)[:, 1] < 0.1 * prior[:, 5:8].max(1)).all()
+    assert (prior[:, 11:13] > 0.0).all(1).tolist() == [True, False]
+    assert not prior[:, 13:].any()

@@ -67,6 +67,14 @@ def test_the_nearest_profile_is_matched_and_nothing_where_nothing_was_felt() -> 
     assert match_profiles(found, {"thin": thin, "true": NODES}) == ["true", ""]
 
 
+def test_profiles_are_compared_over_the_taller_of_the_two() -> None:
+    """0.3 mm too wide all along is more, in the mean, than a stalk of 0.4 mm that is as tall."""
+    wide = NODES + [0.0, 0.0003]
+    stalk = np.concatenate([NODES, [[0.2001, 0.0004], [0.4, 0.0004]]])
+    found = profile_by_sections(explored(0.0))
+    assert match_profiles(found, {"wide": wide, "stalk": stalk})[0] == "stalk"
+
+
 def test_segments_split_only_where_a_line_is_not_enough() -> None:
     height = np.linspace(0.0, 0.1, 11)
     straight = linear_segments(height, 0.02 + 0.1 * height, 0.001)

@@ -1,9 +1,12 @@
-"""Densities of felt faces, against what distances and faces too many count by hand."""
+"""Densities of felt faces, and what is learned of them, against counts by hand."""
 
 import numpy as np
 import pytest
 
-from strategies.recognition.descriptions import FeltFaces
+from strategies.recognition.answers import _log_rate
+from strategies.recognition.descriptions import FACES, FeltFaces
+from strategies.recognition.known_models import KnownObject
+from strategies.recognition.lessons import _averaged
 from strategies.recognition.match_faces import (
     BROAD,
     SPURIOUS,
@@ -49,3 +52,28 @@ def test_a_face_off_its_plane_is_less_likely_and_one_too_many_as_spurious() -> N
     assert exact - off == pytest.approx(0.5 * 2 * 0.002**2 / STD_M**2, rel=0.01)
     assert more - exact == pytest.approx(np.log(SPURIOUS) + BROAD, abs=1e-3)
     assert log_density_of_faces(felt([1, 0], 0.03), BLOCK, STD_M) == -np.inf  # of two, neither is
+
+
+def test_planes_are_averaged_and_their_spread_is_that_of_their_errors() -> None:
+    assert BLOCK is not None
+    rng = np.random.default_rng(4)
+    episodes = []
+    for _ in range(60):
+        exact = felt([0, 1, 2, 3, 4])
+        off = STD_M * rng.normal(size=(5, 1)) * exact.normals
+        episodes.append(FeltFaces(exact.points_m + off, exact.normals))
+    found = _averaged(BLOCK, episodes)
+    assert found is not None
+    normals, offset_m, std_m = found
+    widths = sorted(offset_m[i] + offset_m[j] for i in range(6) for j in range(i)
+                    if normals[i] @ normals[j] < -0.99)
+    np.testing.assert_allclose(widths, SIZE_M, atol=0.001)
+    assert std_m == pytest.approx(STD_M, rel=0.2)
+
+
+@pytest.mark.parametrize(("tried", "found"), [(10, 3), (10, 10), (5, 0), (0, 0)])
+def test_evidence_is_found_or_not_found(tried: int, found: int) -> None:
+    share, rest = (np.exp(_log_rate(KnownObject("", {FACES: tried}, {FACES: count}, {}), FACES))
+                   for count in (found, tried - found))
+    assert share + rest == pytest.approx(1.0)
+    assert 0.0 < share < 1.0
