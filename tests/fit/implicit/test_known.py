@@ -2,12 +2,15 @@
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from fit.fit_status import FitStatus
 from fit.implicit.known import (
     KnownProcess,
     fit_known,
     known_deviations,
+    known_kernel,
+    known_rows,
     known_slopes,
     shared_error_means,
 )
@@ -36,6 +39,27 @@ def test_touches_of_a_ball_give_the_ball() -> None:
     assert np.abs(away).mean() < 0.0008
     assert mesh.volume_m3 == pytest.approx(4 / 3 * np.pi * RADIUS_M**3, rel=0.05)
     assert fit.status[0] == FitStatus.converged
+
+
+def test_the_rms_is_that_of_the_distance_at_touches() -> None:
+    points, normals = ball(20)
+    fit = fitted(points + 0.001 * np.random.default_rng(1).normal(size=points.shape), normals)
+    value, _ = known_slopes(fit, 0, PROCESS, fit.points_m[0, :20])
+    assert fit.rms_m[0] == pytest.approx(np.sqrt((value**2).mean()), rel=1e-6)
+    assert fit.rms_m[0] > 1e-5
+
+
+def test_variances_are_scaled_to_make_touches_likeliest() -> None:
+    points, normals = ball(12)
+    sigma = np.full(12, 0.0005)
+    fit = fitted(points, normals)
+    at, away, noise, _ = known_rows(points[0], normals[0], sigma, PROCESS)
+    scale = (fit.amplitude_m[0] / PROCESS.amplitude_m) ** 2
+    covariance = scale * (known_kernel(PROCESS, at, at) + np.diag(noise))
+    less, here, more = (multivariate_normal.logpdf(away - PROCESS.mean_m, cov=share * covariance)
+                        for share in (0.98, 1.0, 1.02))
+    assert here > max(less, more)
+    np.testing.assert_allclose(fit.noise_m2[0, :24], scale * noise)
 
 
 def test_far_from_touches_there_is_no_body() -> None:

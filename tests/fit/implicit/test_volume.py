@@ -7,6 +7,7 @@ import pytest
 
 from fit.arrays import rows_of
 from fit.implicit import fit_implicit, implicit_meshes, implicit_volume
+from fit.implicit.known import KnownProcess, fit_known
 
 
 @pytest.mark.parametrize("count", [120, pytest.param(200, marks=pytest.mark.slow)])
@@ -42,6 +43,21 @@ def test_volumes_are_those_of_zero_sets_however_coarse_the_mesh() -> None:
     cut = replace(cut, high_m=cut.high_m - [0.0, 0.0, 0.08])
     meshes = implicit_meshes(cut)
     assert implicit_volume(cut, meshes).volume_m3 == pytest.approx(meshes[0].volume_m3, rel=0.02)
+
+
+def test_an_error_that_touches_share_shifts_the_whole_surface() -> None:
+    """Of a ball: by 4 pi r^2 dr of volume."""
+    way = np.random.default_rng(2).normal(size=(1, 96, 3))
+    way /= np.linalg.norm(way, axis=2, keepdims=True)
+    mask, process = np.ones((1, 96), bool), KnownProcess()
+    fits = fit_known(0.04 * way, mask, way, np.full(mask.shape, 0.0005), process)
+    meshes = implicit_meshes(fits, process.mean)
+    alone, shared = (implicit_volume(fits, meshes, process.mean, shared_m=off_m)
+                     for off_m in (0.0, 0.001))
+    more = np.sqrt(shared.std_m3**2 - alone.std_m3**2)
+    assert more == pytest.approx(4.0 * np.pi * 0.04**2 * 0.001, rel=0.05)
+    np.testing.assert_allclose(shared.surface_std_m, np.hypot(alone.surface_std_m, 0.001))
+    np.testing.assert_array_equal(shared.volume_m3, alone.volume_m3)
 
 
 @pytest.mark.slow

@@ -88,6 +88,7 @@ def turned(about: list[float], angle_rad: float) -> Belief:
 @pytest.mark.parametrize("yaw", [0.0, 0.4, -1.3, 2.5])
 def test_the_top_is_crossed_first_and_then_sides_as_they_face_the_arm(yaw: float) -> None:
     found = faces_to_cross(turned([0.0, 0.0, 1.0], yaw), PlanarTable(), BOTH)
+    assert found.wanted is not None
     assert found.wanted.tolist() == [[True] * 5] * 2
     np.testing.assert_allclose(found.normal[:, 0], [[0.0, 0.0, 1.0]] * 2, atol=1e-6)
     sides, places = found.normal[:, 1:5, :2], found.point_m[:, 1:5, :2]
@@ -96,18 +97,21 @@ def test_the_top_is_crossed_first_and_then_sides_as_they_face_the_arm(yaw: float
     assert (np.diff(facing, axis=1) < 1e-9).all()
     few = faces_to_cross(turned([0.0, 0.0, 1.0], yaw), PlanarTable(faces=2), ~BOTH)
     np.testing.assert_array_equal(few.point_m, found.point_m[:, :2])
+    assert few.wanted is not None
     assert not few.wanted.any()
 
 
 @pytest.mark.parametrize(("lean_deg", "wanted"), [(0, True), (25, True), (40, False)])
 def test_a_top_that_leans_is_not_crossed(lean_deg: float, wanted: bool) -> None:
     found = top_to_cross(turned([0.0, 1.0, 0.0], np.radians(lean_deg)), PlanarTable(), BOTH)
+    assert found.wanted is not None
     assert found.wanted.tolist() == [[wanted]] * 2
 
 
 def test_what_leans_over_the_table_is_out_of_reach() -> None:
     """By 40 degrees, one side looks down by as much, and there is no foot to cross."""
     found = faces_to_cross(turned([0.0, 1.0, 0.0], np.radians(40)), PlanarTable(), BOTH)
+    assert found.wanted is not None
     assert found.wanted.sum(1).tolist() == [4, 4]
     assert found.normal[found.wanted][:, 2].min() > -1e-6
 

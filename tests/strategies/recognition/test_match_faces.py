@@ -28,7 +28,8 @@ def felt(sides: list[int], off_m: float = 0.0, strange: bool = False) -> FeltFac
     middles[-1] += off_m * normals[-1]
     if strange:
         way = np.array([[0.6, 0.8, 0.0]])
-        normals, middles = np.append(way, normals, 0), np.append([[0.42, 0.13, 0.06]], middles, 0)
+        normals = np.concatenate([way, normals])
+        middles = np.concatenate([[[0.42, 0.13, 0.06]], middles])
     return FeltFaces(middles, normals)
 
 
@@ -46,8 +47,8 @@ def test_a_face_counts_unless_it_only_fixes_the_place(sides: list[int], distance
 
 def test_a_face_off_its_plane_is_less_likely_and_one_too_many_as_spurious() -> None:
     assert BLOCK is not None
-    exact, off, more = (log_density_of_faces(felt([1, 3, 0], *change), BLOCK, STD_M)
-                        for change in ((), (0.004,), (0.0, True)))
+    exact, off, more = (log_density_of_faces(faces, BLOCK, STD_M) for faces in (
+        felt([1, 3, 0]), felt([1, 3, 0], 0.004), felt([1, 3, 0], strange=True)))
     # Between top and table the error is shared: each lies off by half of it.
     assert exact - off == pytest.approx(0.5 * 2 * 0.002**2 / STD_M**2, rel=0.01)
     assert more - exact == pytest.approx(np.log(SPURIOUS) + BROAD, abs=1e-3)

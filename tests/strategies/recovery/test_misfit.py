@@ -49,7 +49,7 @@ def test_schwarz_weighs_laplaces_likelihood_against_parameters() -> None:
 
     def known(distance_m: np.ndarray, parameters: int) -> tuple[float, float]:
         misfit, count = float(np.abs(distance_m).mean()), len(distance_m)
-        likely = stats.laplace(scale=misfit).logpdf(distance_m).sum()
+        likely = stats.laplace.logpdf(distance_m, scale=misfit).sum()
         return (schwarz(misfit, count, parameters, 1e-4),
                 -2.0 * likely + parameters * np.log(count))
 
