@@ -29,7 +29,7 @@ _DIRECTIONS = 256
 
 
 def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.ndarray, " fit"],
-                        *, robust: bool) -> list[str]:
+                        *, robust: bool, table_z_m: float | None) -> list[str]:
     """Notes of superquadrics that did not converge or lie far off, and of those that are `vague`.
     """
     notes = []
@@ -39,8 +39,9 @@ def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.
                      "(fit.implicit, docs/free_forms.md) follows it")
     if vague.any():
         names = [name for name, is_vague in zip(sets.names, vague, strict=True) if is_vague]
+        table = ", or give --table-z" if table_z_m is None else ""
         notes.append(f"touches are few or leave a side open, so that volumes may be far off: "
-                     f"{named(names)}; touch all around, or give --table-z")
+                     f"{named(names)}; touch all around{table}")
     return notes
 
 

@@ -261,6 +261,11 @@ def test_bodies_touched_on_one_side_or_hardly_at_all_are_named(
     assert cli.run(["fit", "superquadric", *arguments]) == 0
     said = capsys.readouterr().err
     assert "leave a side open, so that volumes may be far off: side, patch, few; " in said
+    assert "touch all around, or give --table-z\n" in said
+    assert cli.run(["fit", "superquadric", *arguments, "--table-z", "0"]) == 0
+    said = capsys.readouterr().err
+    assert "; touch all around\n" in said
+    assert "--table-z" not in said  # it is given
     assert cli.run(["fit", "revolution", *arguments]) == 0
     said = capsys.readouterr().err
     assert "one side of the axis, which they tell badly: side" in said
