@@ -194,7 +194,9 @@ def _hint(header: list[str]) -> str:
     there = f"; there are: {', '.join(header) or 'none'}"
     if header and header[0].startswith("#"):
         return f"{there}. Line 1 should name the columns; delete comments above them"
-    for sign, word in ((";", "semicolons"), ("\t", "tabs")):
+    if not any(header) or all(_number(name) is not None for name in header):
+        return f"{there}. Line 1 should name the columns, such as x_m,y_m,z_m"
+    for sign, word in ((";", "semicolons"), ("\t", "tabs"), (" ", "spaces")):
         if len(header) == 1 and sign in header[0]:
             return f"{there}. Columns should be separated by commas, not by {word}"
     if {"x", "y", "z"} <= set(header):

@@ -142,7 +142,9 @@ def profile_from_csv(path: Path) -> np.ndarray:
                 raise BodyError(f"{path}:{number}: {column} {value:g}: a number from {least:g} to "
                                 f"{most:g} is wanted")
         if rows and z <= rows[-1][0]:
-            raise BodyError(f"{path}:{number}: z_mm {z:g} after {rows[-1][0]:g}: z must rise")
+            raise BodyError(f"{path}:{number}: z_mm {z:g} after {rows[-1][0]:g}: z must rise; a "
+                            "step needs two heights, such as 40 and 40.1, and hollows are cut out "
+                            "of a compound")
         rows.append((z, r))
         numbers.append(number)
     if len(rows) < 2 or max(r for _, r in rows) <= 0.0:

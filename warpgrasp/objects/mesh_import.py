@@ -24,6 +24,7 @@ UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
+_ROUNDED = 1e-3  # of the longest side: vertices may be rounded by this, as the grid rounds more
 _FOLDED_RAD, _FOLD_M2 = 1e-3, 1e-6  # slivers of scans fold, too, and are not felt
 
 
@@ -32,8 +33,8 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
 
     The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
     or "mm". Vertices that differ by rounding are welded where that closes the surface (`welding`).
-    Raises BodyError with what is wrong (missing, empty, open, out of size, too thin for the grid)
-    and the mend.
+    Raises BodyError with what is wrong (missing, empty, open, out of size, rounded far from the
+    origin, too thin for the grid) and the mend.
     """
     if units not in tuple(UNITS_M):  # unhashable values included
         raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
@@ -122,6 +123,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         number = int(np.argmin(np.isfinite(mesh.vertices).all(1)))
         raise BodyError(f"{path}: vertex {number} is not a finite number: "
                         f"{mesh.vertices[number].tolist()}; remove it and close the hole")
+    _check_rounding(path, np.asarray(mesh.vertices), units)
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     # Three corners on a line close a T-junction; a face that names one twice closes nothing.
     a, b, c = np.asarray(mesh.faces).T
@@ -148,6 +150,16 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         raise BodyError(f"{path}: {error}") from None
     _check_folds(path, vertices, faces)
     return vertices, faces
+
+
+def _check_rounding(path: Path, vertices: np.ndarray, units: str) -> None:
+    """Refuse an object so far from the origin that the single precision of its file rounds it."""
+    single = vertices.astype(np.float32)
+    step, longest = float(np.spacing(np.abs(single).max())), float(np.ptp(vertices, axis=0).max())
+    if step > _ROUNDED * longest > 0.0 and (single == vertices).all():
+        raise BodyError(f"{path}: lies {np.abs(single).max():.4g} {units} from the origin, where "
+                        f"numbers of single precision are {step:.2g} {units} apart and round it; "
+                        "move it to the origin before the file is written")
 
 
 def _check_folds(path: Path, vertices_m: np.ndarray, faces: np.ndarray) -> None:

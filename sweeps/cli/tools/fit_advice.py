@@ -23,13 +23,16 @@ OPEN_TURN_RAD = np.pi
 VAGUE_DEG = 10.0
 """Of a plane's normal, either way with 90 %, from which touches tell little of it [est]."""
 NORMAL_90 = 1.645
+FLAT_SHARE = 0.02
+"""Standard deviation of touches across a plane, as a share of that along it, below which they tell
+one face and no contour [est]."""
 END_SHARE = 0.04
 """Of its height that a surface of revolution may reach beyond its touches [est]."""
 _DIRECTIONS = 256
 
 
 def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.ndarray, " fit"],
-                        *, robust: bool) -> list[str]:
+                        *, robust: bool, table_z_m: float | None) -> list[str]:
     """Notes of superquadrics that did not converge or lie far off, and of those that are `vague`.
     """
     notes = []
@@ -39,20 +42,21 @@ def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.
                      "(fit.implicit, docs/free_forms.md) follows it")
     if vague.any():
         names = [name for name, is_vague in zip(sets.names, vague, strict=True) if is_vague]
+        table = ", or give --table-z" if table_z_m is None else ""
         notes.append(f"touches are few or leave a side open, so that volumes may be far off: "
-                     f"{named(names)}; touch all around, or give --table-z")
+                     f"{named(names)}; touch all around{table}")
     return notes
 
 
 def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float | None
                       ) -> list[str]:
     """Notes of surfaces of revolution that did not converge or lie far off, were touched on one
-    side, or end where no touch is."""
+    side or on one face, or end where no touch is."""
     notes = []
     if poor := _poor(sets.names, found):
         notes.append(f"{_POOR}: {named(poor)}; leave out touches that may be wrong; steps and "
                      "edges of a contour are rounded")
-    sides, ends = [], []
+    sides, faces, ends = [], [], []
     for index, name in enumerate(sets.names):
         if not is_fitted(found.status[index]):
             continue
@@ -61,6 +65,9 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
         along = arm @ found.axis[index]
         if _open_turn_rad(arm - along[:, None] * found.axis[index]) > OPEN_TURN_RAD:
             sides.append(name)
+        spread = np.linalg.svd(arm - arm.mean(axis=0), compute_uv=False)
+        if spread[2] < FLAT_SHARE * spread[0]:
+            faces.append(name)
         height = found.height_m[index]
         below = along.min() if table_z_m is None else 0.0
         beyond = max(height - along.max(), below)
@@ -69,6 +76,9 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
     if sides:
         notes.append(f"all touches lie on one side of the axis, which they tell badly: "
                      f"{named(sides)}")
+    if faces:
+        notes.append(f"all touches lie in one plane, which tells no contour: {named(faces)}; touch "
+                     "other sides, too")
     if ends:
         notes.append(f"bodies end beyond their last touches, where nothing tells their height: "
                      f"{named(ends)}")

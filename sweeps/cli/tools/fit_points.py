@@ -100,7 +100,7 @@ def _advice(shape: str, sets: PointSets, found: Any, vague: np.ndarray, robust: 
             table_z_m: float | None) -> list[str]:
     """Notes of fits that may be wrong."""
     if shape == "superquadric":
-        return superquadric_advice(sets, found, vague, robust=robust)
+        return superquadric_advice(sets, found, vague, robust=robust, table_z_m=table_z_m)
     if shape == "revolution":
         return revolution_advice(sets, found, table_z_m=table_z_m)
     return plane_advice(sets, found)

@@ -261,10 +261,31 @@ def test_bodies_touched_on_one_side_or_hardly_at_all_are_named(
     assert cli.run(["fit", "superquadric", *arguments]) == 0
     said = capsys.readouterr().err
     assert "leave a side open, so that volumes may be far off: side, patch, few; " in said
+    assert "touch all around, or give --table-z\n" in said
+    assert cli.run(["fit", "superquadric", *arguments, "--table-z", "0"]) == 0
+    said = capsys.readouterr().err
+    assert "; touch all around\n" in said
+    assert "--table-z" not in said  # it is given
     assert cli.run(["fit", "revolution", *arguments]) == 0
     said = capsys.readouterr().err
     assert "one side of the axis, which they tell badly: side" in said
     assert "around" not in said.split("one side of the axis")[1].splitlines()[0]
+
+
+@pytest.mark.parametrize("table", [[], ["--table-z", "0"]])
+def test_contours_of_touches_in_one_plane_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], table: list[str]) -> None:
+    rng = np.random.default_rng(6)
+    turn, share = rng.uniform(-np.pi, np.pi, 60), rng.uniform(0.0, 1.0, 60)
+    way = np.stack([np.cos(turn), np.sin(turn), np.zeros(60)], axis=1)
+    top = 0.04 * np.sqrt(share)[:, None] * way + [0.0, 0.0, 0.05]
+    side = 0.04 * way + 0.05 * share[:, None] * [0.0, 0.0, 1.0]
+    sets = {"top": top, "tilted": top @ [[0.8, 0, 0.6], [0, 1, 0], [-0.6, 0, 0.8]] + [0, 0, 0.05],
+            "side": side, "both": np.concatenate([top, side])}
+    sets = {name: points + 3e-4 * rng.normal(size=points.shape) for name, points in sets.items()}
+    arguments = [str(write(tmp_path / "p.csv", sets)), "-o", str(tmp_path / "fits.csv")]
+    assert cli.run(["fit", "revolution", *arguments, *table]) == 0
+    assert "lie in one plane, which tells no contour: top, tilted; " in capsys.readouterr().err
 
 
 def test_contours_that_end_beyond_their_touches_and_steps_are_named(

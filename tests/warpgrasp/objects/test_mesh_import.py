@@ -72,6 +72,17 @@ def test_a_mug_of_160_metres(tmp_path: Path) -> None:
         body_from_mesh(block_file(tmp_path, 1000.0), units="m")
 
 
+def test_a_mesh_that_its_place_has_rounded_is_refused(tmp_path: Path) -> None:
+    box = trimesh.creation.box((0.060, 0.080, 0.120))
+    for x_m, name in ((1e3, "near.stl"), (1e5, "far.stl"), (1e5, "far.obj")):
+        box.copy().apply_translation([x_m, 0.0, 0.0]).export(tmp_path / name)
+    with pytest.raises(BodyError, match=r"lies 1e\+05 m from the origin.* 0\.0078 m apart"):
+        mesh_triangles(tmp_path / "far.stl", units="m")
+    for name in ("near.stl", "far.obj"):  # OBJ keeps all digits
+        vertices, _ = mesh_triangles(tmp_path / name, units="m")
+        assert np.allclose(np.ptp(vertices, axis=0), box.extents, atol=6.2e-5)
+
+
 def test_an_open_mesh_says_what_is_open_and_how_to_mend_it(tmp_path: Path) -> None:
     mesh = trimesh.creation.box((0.06, 0.08, 0.12))
     mesh.update_faces(np.arange(len(mesh.faces)) > 0)
