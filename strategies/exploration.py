@@ -353,7 +353,7 @@ class RunningExploration:
             self.whole = with_profiles(before, rows, profile)
         all_felt = replace(placed, free_m=self.felt.free_m[rows],
                            free_mask=self.felt.free_mask[rows])
-        chosen = choose_body(fitted, body, profile, all_felt, self.contour, prior)
+        chosen = choose_body(fitted, body, profile, all_felt, self.contour, prior, self.table)
         self.shape = with_rows(self.shape, rows, chosen.shape)
         # What is contradicted may lead to where it is felt to be wrong, but it is no result.
         # Evidence that the fit may not use is not used to judge it either.

@@ -26,15 +26,17 @@ _LEAN_MOST = np.cos(np.radians(35))
 
 
 def faces_to_cross(belief: Belief, table: PlanarTable, wanted: np.ndarray) -> CrossFaces:
-    """The faces of the bodies believed: the top, then the sides, those nearest to the arm first."""
+    """The faces of the bodies believed: the top, then the sides, those nearest to the arm first.
+
+    Of a body that leans the top is the face that points up the most.
+    """
     points, normals = faces_of(belief.body)
     up = normals[..., 2]
-    level = points - belief.body.position_m[:, None]
     # The arm stands at the origin: a side whose normal points at it is the easiest to reach.
     towards = -(normals[..., :2] * points[..., :2]).sum(-1) / np.maximum(
         np.linalg.norm(points[..., :2], axis=-1), 1e-9)
-    rank = np.where(up > -_DOWN, 10.0, 0.0) + towards
-    rank = np.where(up < _DOWN, -np.inf, rank) + 0.0 * level[..., 0]
+    rank = np.where(up > -_DOWN, 10.0 * up, 0.0) + towards
+    rank = np.where(up < _DOWN, -np.inf, rank)
     order = np.argsort(-rank, axis=1, kind="stable")[:, :table.faces]
     pick = order[..., None]
     chosen = np.isfinite(np.take_along_axis(rank, order, 1))

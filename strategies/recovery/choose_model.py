@@ -81,9 +81,10 @@ def revolution_of(profile: Profile) -> RevolutionBody:
 
 def choose_body(
     fitted: np.ndarray, superquadric: Superquadric, profile: Profile | None, evidence: Evidence,
-    contour: np.ndarray, prior: BoundingCylinder
+    contour: np.ndarray, prior: BoundingCylinder, table: FitTable
 ) -> Recovered:
-    """The model of each world; `contour` (slot,) numbers the evidence's touches along contours.
+    """The model of each world; `contour` (slot,) numbers the evidence's touches along contours, and
+    `table` says what else may contradict them.
 
     A contour is taken where it explains those touches clearly better than the superquadric that
     was fitted to everything (on a block it does not, however the fingers pinched it), and where the
@@ -97,7 +98,8 @@ def choose_body(
     mask = evidence.mask[:, contour]
     nodes = np.isfinite(body.height_m).sum(1)
     known = (nodes >= FEWEST_NODES) & (mask.sum(1) >= FEWEST_TOUCHES)
-    known &= np.isfinite(profile.volume_m3) & plausible_contour(body, evidence, prior)
+    known &= np.isfinite(profile.volume_m3) & plausible_contour(
+        body, evidence, prior, table_plane=table.table_plane, free_space=table.free_space)
     rows = np.flatnonzero(known)
     felt = evidence.mask[rows]
     away = contour_distances(body[rows], evidence.points_m[rows], felt)

@@ -89,19 +89,22 @@ def _extent(body: SuperquadricLike, prior: BoundingCylinder
 
 
 def plausible_contour(
-    body: RevolutionBody, evidence: Evidence, prior: BoundingCylinder
+    body: RevolutionBody, evidence: Evidence, prior: BoundingCylinder, *, table_plane: bool = True,
+    free_space: bool = True
 ) -> np.ndarray:
     """Whether bodies of revolution agree with prior, table, contacts and free space, bool (world,).
 
-    False where there is no contour, or too few contacts to believe any.
+    False where there is no contour, or too few contacts to believe any. Without `table_plane` no
+    table is known, without `free_space` nothing of where links met nothing.
     """
     known = np.isfinite(body.height_m) & np.isfinite(body.radius_m)
     height, radius = np.where(known, body.height_m, 0.0), np.where(known, body.radius_m, 0.0)
     centre = body.foot_m[:, None] + height[..., None] * body.axis[:, None]
     rise = radius * np.sqrt(np.maximum(1.0 - body.axis[:, None, 2] ** 2, 0.0))
     away = np.hypot(centre[..., 0] - prior.x_m[:, None], centre[..., 1] - prior.y_m[:, None])
+    low = np.where(known, centre[..., 2] - rise, np.inf).min(1)
     within = _within(np.where(known, away + radius, -np.inf).max(1),
-                     np.where(known, centre[..., 2] - rise, np.inf).min(1),
+                     low if table_plane else np.where(np.isfinite(low), 0.0, low),
                      np.where(known, centre[..., 2] + rise, -np.inf).max(1), prior)
     felt = contour_distances(body, evidence.points_m, evidence.mask)
     free = contour_distances(body, evidence.free_m, evidence.free_mask)
@@ -109,10 +112,11 @@ def plausible_contour(
     # Nodes that there are not lie at the height of the last: they add nothing.
     volume = revolution_volume(RevolutionBody(
         body.foot_m, body.axis, np.maximum.accumulate(height, axis=1), radius))
+    through = swept_by(np.where(inside, -free, free), evidence.free_mask)
     return (within & known.any(1) & ~_shrunk(volume, prior)
             & (evidence.mask.sum(1) >= FEWEST_CONTACTS)
             & (_mean_away(felt, evidence.mask) < UNBELIEVED_M)
-            & ~swept_by(np.where(inside, -free, free), evidence.free_mask))
+            & ~(through & free_space))
 
 
 def plausible_vertices(

@@ -101,8 +101,10 @@ def test_the_top_is_crossed_first_and_then_sides_as_they_face_the_arm(yaw: float
     assert not few.wanted.any()
 
 
-@pytest.mark.parametrize(("lean_deg", "wanted"), [(0, True), (25, True), (40, False)])
+@pytest.mark.parametrize(("lean_deg", "wanted"), [
+    (0, True), (25, True), (34, True), (-34, True), (40, False), (-40, False)])
 def test_a_top_that_leans_is_not_crossed(lean_deg: float, wanted: bool) -> None:
+    """From 30 degrees on a side that points up as well was taken for it, if it faced the arm."""
     found = top_to_cross(turned([0.0, 1.0, 0.0], np.radians(lean_deg)), PlanarTable(), BOTH)
     assert found.wanted is not None
     assert found.wanted.tolist() == [[wanted]] * 2

@@ -110,6 +110,16 @@ def test_contours(found, points, free, right: bool) -> None:
     assert plausible_contour(found, evidence(points, free), PRIOR).tolist() == [right]
 
 
+def test_contours_are_not_judged_by_what_fits_may_not_use() -> None:
+    """As superquadrics: without `fit.free_space`, or `fit.table_plane`."""
+    found, sunk = contour(0.05), replace(contour(0.05), foot_m=np.array([[0.45, 0.0, -0.03]]))
+    through = evidence(felt(found, 20), ON_THE_AXIS)
+    assert plausible_contour(found, through, PRIOR, free_space=False).tolist() == [True]
+    deep = evidence(felt(found, 20) - [0.0, 0.0, 0.03], OUTSIDE)
+    assert plausible_contour(sunk, deep, PRIOR).tolist() == [False]
+    assert plausible_contour(sunk, deep, PRIOR, table_plane=False).tolist() == [True]
+
+
 def test_a_contour_of_fewer_nodes_than_its_neighbours_is_as_large() -> None:
     one = contour(0.05)
     one.radius_m[0] = np.linspace(0.001, 0.05, 6)  # as a funnel's
