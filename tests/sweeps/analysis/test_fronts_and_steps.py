@@ -193,6 +193,18 @@ def test_rounding_is_no_share_of_a_factor(tmp_path: Path, value: float) -> None:
     assert {row["share"] for row in table_rows(table)} == {"NA"}
 
 
+def test_a_level_of_more_settings_has_more_of_the_share(tmp_path: Path) -> None:
+    """Settings of 4, 6 and 10 mm, of which the first two are one level."""
+    plan, store = written(
+        tmp_path, 2, lambda unit: {"chamfer_mm": np.full(8, {0: 4.0, 45: 6.0, 90: 10.0}[
+            unit.cell.setting["object.yaw_deg"]]), "robot_time_s": np.full(8, 100.0)},
+        '[sweep.zip]\n"sensors.tendon_threshold_N" = [3, 3, 6]\n"object.yaw_deg" = [0, 45, 90]\n')
+    table = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
+    share = np.var([5.0, 5.0, 10.0]) / np.var([4.0, 6.0, 10.0])
+    assert {row["share"] for row in table_rows(table) if "tendon" in row["factor"]} == {
+        f"{share:.4f}"}
+
+
 TOGETHER = "vary together: their levels are the same settings"
 
 

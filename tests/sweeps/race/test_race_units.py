@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from studies import SMALL, plan_of
 
-from sweeps.race.course import Course
+from sweeps.race.course import Course, afforded, rules_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.run.store import Store
@@ -51,6 +51,21 @@ def test_what_is_asked_for_again_is_counted_once(tmp_path: Path) -> None:
         units.scores([(0, 0, 8)])
         assert units.missing == ([lost] if there is others else [])
     assert sum(units.statuses.values()) == 16
+
+
+@pytest.mark.parametrize(("metric", "cap", "bounds"), [
+    ("chamfer_mm", None, None), ("chamfer_mm", 20.0, (0.0, 20.0)), ("iou", 0.5, (-0.5, 0.0)),
+    ("recognized", None, (-1.0, 0.0))])
+def test_bounds_are_of_scores_of_which_less_is_better(
+        metric: str, cap: float | None, bounds: tuple[float, float] | None) -> None:
+    assert rules_of(0.1, 95.0, 8, cap, metric).bounds == bounds
+
+
+def test_a_budget_of_episodes_is_one_of_whole_replicates(tmp_path: Path) -> None:
+    """Of four cases on two objects each."""
+    text = SMALL + '[sweep.sobol]\nn = 4\n"object.yaw_deg" = { low = 0, high = 90 }\n'
+    units = RaceUnits(plan_of(tmp_path, text), Store(tmp_path), "iou", "these")
+    assert afforded(Rules(0.1), units, 103).budget == 12
 
 
 def test_a_replicate_is_the_mean_of_its_cases(tmp_path: Path) -> None:
