@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from scipy.stats import norm, t
+from scipy.stats import norm, poisson, t
 
 from sweeps.analysis.bootstrap import (
     INTERVAL,
@@ -51,6 +51,19 @@ def test_standard_error_is_that_of_the_textbook_two_level_design(interaction: fl
     assert np.mean(spread["like-these"]) == pytest.approx(
         np.sqrt((interaction**2 + within) / objects) * student, rel=0.07)
     assert np.mean(spread["these"]) == pytest.approx(np.sqrt(within / objects), rel=0.07)
+
+
+@pytest.mark.parametrize("episodes", [4, 8])
+def test_the_spread_over_few_episodes_is_that_of_their_sample(episodes: int) -> None:
+    """So many drawn episodes as a Poisson number says have the variance of a sample over it."""
+    data = np.random.default_rng(3).normal(0, 1, (5, episodes, 1))
+    count = np.arange(1, 60)
+    chance = poisson.pmf(count, episodes)
+    inverse = (chance / count).sum() / chance.sum()
+    student = t.ppf(0.975, 5 * (episodes - 1)) / norm.ppf(0.975)
+    spread = [np.nanstd(means_of(data, "these", seed)[1:]) for seed in range(6)]
+    assert np.mean(spread) == pytest.approx(
+        np.sqrt(data.var(axis=1, ddof=1).sum() * inverse) / 5 * student, rel=0.05)
 
 
 @pytest.mark.parametrize("between", [pytest.param(0.0, marks=pytest.mark.slow), 1.0])

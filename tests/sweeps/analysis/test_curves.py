@@ -197,6 +197,15 @@ def test_a_mean_of_most_has_the_interval_of_those_alone() -> None:
     assert (every[:, 1] == values[:, 1]).all()
 
 
+@pytest.mark.parametrize("late", [0, 1])
+def test_too_few_fits_on_any_object_leave_no_mean(late: int) -> None:
+    first = [[100.0 if body == late and n % 2 else 20.0 for n in range(8)] for body in range(2)]
+    curves = replace(curves_over("these", 8, 8), steps={"touches": [
+        [[(np.array([at]), np.array([4.0])) for at in own]] for own in first]})
+    found = mean_curve(curves, "touches", 0, np.array([50.0, 100.0]))
+    assert np.isnan(found.value).tolist() == [True, False]
+
+
 def test_who_has_no_fit_yet_has_its_prior_at_the_same_time(tmp_path: Path) -> None:
     """It counted as the worst that others had by then, which may be far better than nothing."""
     def rows(unit: Unit) -> Columns:
@@ -240,6 +249,11 @@ def curves_over(over: str, *counts: int) -> Curves:
                   {"touches": [[[(np.array([20.0 + n]), np.array([4.0])) for _, n in own]]
                                for own in episodes]}, [], episodes,
                   _weights(1, episodes, over), drawn, over, 1, ())
+
+
+def test_an_error_of_just_the_bound_reaches_it() -> None:
+    curves = curves_over("these", 8)
+    assert [reach(curves, "touches", 0, bound).share for bound in (3.999, 4.0)] == [0.0, 1.0]
 
 
 def test_reach_of_objects_like_these_holds_the_truth() -> None:

@@ -5,12 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from curved_episodes import lists, table_rows, wide_study, wide_text, written
+from curved_episodes import OBJECTS, lists, table_rows, wide_study, wide_text, written
 
 from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.curves import POINTS, curves_table, read_curves
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import make_leaderboard
+from sweeps.analysis.paired import read_paired
+from sweeps.analysis.pareto import _others
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
 from sweeps.figures.heat_maps import draw_confusion
@@ -96,6 +98,14 @@ def pareto_of(folder: Path, objects: int, rows: Callable[[Unit], Columns]
     return {row["strategy"]: row for row in table_rows(made)}, list(made.notes)
 
 
+def test_where_all_fail_they_would_take_the_time_of_other_objects_or_longer() -> None:
+    done, failed = np.zeros(2, bool), np.ones(2, bool)
+    times = [(np.array([10.0, 20.0]), done), (np.array([40.0, 60.0]), failed),
+             (np.array([1.0, 2.0]), failed), (np.array([30.0, 1.0]), np.array([False, True]))]
+    assert _others(times).tolist() == [15.0, 50.0, 22.5, 30.0]
+    assert np.isnan(_others(times[1:3])).all()
+
+
 def test_times_are_of_the_objects_that_errors_are_of(tmp_path: Path) -> None:
     """Where nothing has a distance on an object the time there counted in what was shown, but not
     in who dominates: here "sx" seemed to beat "s" in both, and did not dominate it."""
@@ -108,6 +118,32 @@ def test_times_are_of_the_objects_that_errors_are_of(tmp_path: Path) -> None:
     assert {name: row["robot_time_s"] for name, row in told.items()} == {"s": "50.00",
                                                                          "sx": "60.00"}
     assert {row["dominated_by"] for row in told.values()} == {""}
+
+
+def test_the_chance_of_the_front_counts_replicates_no_better_than_the_prior(tmp_path: Path) -> None:
+    """Worse on one of three objects, "s" is worse in the mean where it is drawn twice or thrice."""
+    worse = dict(zip(OBJECTS, (-2.0, -2.0, 1.0), strict=False))
+
+    def rows(unit: Unit) -> Columns:
+        slow = unit.cell.strategy.name == "sx"
+        apart = 5.0 if slow else worse[unit.cell.object_name]
+        return {"chamfer_mm": np.full(8, 12.0 + apart), "prior_chamfer_mm": np.full(8, 12.0),
+                "robot_time_s": np.full(8, 50.0 if slow else 10.0)}
+
+    told, _ = pareto_of(tmp_path, 3, rows)
+    assert float(told["s"]["p_front"]) == pytest.approx(20 / 27, abs=0.05)
+    assert told["sx"]["p_front"] == "0.000"
+
+
+def test_replicates_of_a_cost_are_of_the_objects_where_an_entry_has_any(tmp_path: Path) -> None:
+    def rows(unit: Unit) -> Columns:
+        none = (unit.cell.object_name, unit.cell.strategy.name) == (OBJECTS[0], "sx")
+        time = np.nan if none else 10.0 * (1 + OBJECTS.index(unit.cell.object_name))
+        return {"chamfer_mm": np.full(8, 5.0), "robot_time_s": np.full(8, time)}
+
+    plan, store = written(tmp_path, 3, rows)
+    means = read_paired(plan, [store], ["chamfer_mm", "robot_time_s"]).means["robot_time_s"]
+    assert means[0].tolist() == [20.0, 25.0]
 
 
 @pytest.mark.parametrize("early", [5.0, 100.0])
@@ -155,6 +191,18 @@ def test_rounding_is_no_share_of_a_factor(tmp_path: Path, value: float) -> None:
         '[sweep.grid]\n"sensors.tendon_threshold_N" = [3, 6, 9]\n"object.yaw_deg" = [0, 45]\n')
     table = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
     assert {row["share"] for row in table_rows(table)} == {"NA"}
+
+
+def test_a_level_of_more_settings_has_more_of_the_share(tmp_path: Path) -> None:
+    """Settings of 4, 6 and 10 mm, of which the first two are one level."""
+    plan, store = written(
+        tmp_path, 2, lambda unit: {"chamfer_mm": np.full(8, {0: 4.0, 45: 6.0, 90: 10.0}[
+            unit.cell.setting["object.yaw_deg"]]), "robot_time_s": np.full(8, 100.0)},
+        '[sweep.zip]\n"sensors.tendon_threshold_N" = [3, 3, 6]\n"object.yaw_deg" = [0, 45, 90]\n')
+    table = settings_table(plan, read_settings(plan, [store], "chamfer_mm"), "chamfer_mm")
+    share = np.var([5.0, 5.0, 10.0]) / np.var([4.0, 6.0, 10.0])
+    assert {row["share"] for row in table_rows(table) if "tendon" in row["factor"]} == {
+        f"{share:.4f}"}
 
 
 TOGETHER = "vary together: their levels are the same settings"

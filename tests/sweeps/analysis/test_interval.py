@@ -7,9 +7,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
+from sweeps.analysis.bootstrap import Estimate
 from sweeps.analysis.entries import bounds_of
 from sweeps.analysis.interval import (
     ObjectMeans,
+    _simulated,
     critical_difference,
     sensible_ends,
     small_sample_widening,
@@ -108,6 +110,21 @@ def test_the_critical_difference_bounds_tukeys(entries: int, freedom: float) -> 
         assert found == pytest.approx(tukey, rel=0.02)
     assert critical_difference(2, np.array([freedom]))[0] == pytest.approx(
         stats.t.ppf(0.975, freedom) if np.isfinite(freedom) else 1.96, rel=1e-4)
+
+
+def test_of_more_entries_than_are_simulated_all_pairs_are_reckoned_with() -> None:
+    drawn = np.random.default_rng(6).standard_normal((6000, 400))
+    range_ = np.quantile(np.ptp(drawn, axis=1), 0.95) / np.sqrt(2.0)
+    assert _simulated(400, np.inf) == pytest.approx(range_, rel=0.015)
+
+
+def test_objects_whose_outcomes_all_agree_have_the_error_of_their_episodes() -> None:
+    """They do not differ, so of objects like these no less is known, but for Student's t."""
+    for objects in (4, 12):
+        found = means_of(np.ones((objects, 8, 2)), chances=True)
+        like, these = (found.differences(0, over).high[1] for over in ("like-these", "these"))
+        assert like / these == pytest.approx(
+            stats.t.ppf(0.975, objects - 1) / stats.t.ppf(0.975, 7 * objects))
 
 
 @pytest.mark.slow
@@ -222,6 +239,8 @@ def test_ends_beyond_all_reason_are_left_out() -> None:
     assert sensible_ends(found).value[0] == pytest.approx(5.55)
     close = means_of(data).values("these", (0.0, np.inf))
     assert sensible_ends(close).high[0] == close.high[0]
+    tiny = Estimate(*(np.array([end]) for end in (0.001, 0.0, 0.5)))  # half a millimetre at most
+    assert sensible_ends(tiny).high[0] == 0.5
 
 
 def test_one_episode_has_no_interval() -> None:

@@ -159,6 +159,15 @@ def test_where_more_is_better_tables_are_mirrored(paired: Paired) -> None:
             [1.0 - error.median / 100.0, 1.0 - error.p90 / 100.0])
 
 
+def test_a_row_of_an_object_is_of_one_entrys_episodes(paired: Paired) -> None:
+    for row in object_rows(paired, "chamfer_mm"):
+        body, entry = paired.objects.index(row.object), paired.labels.index(row.label)
+        own, *also = (paired.values[name][body][:, entry] for name in ("chamfer_mm", *ALSO))
+        assert row.mean == pytest.approx(own.mean())
+        assert row.also == pytest.approx([values.mean() for values in also])
+        assert np.sort(own)[13] <= row.p90 <= np.sort(own)[14]  # of sixteen
+
+
 def test_an_identical_copy_is_never_told_apart(paired: Paired) -> None:
     twin = Paired(paired.entries[:2], paired.objects,
                   {"iou": tuple(v[:, [0, 0]] for v in paired.values["chamfer_mm"])},

@@ -30,7 +30,7 @@ from sweeps.analysis.pairs import (
     compare_pairs,
     pairs_table,
 )
-from sweeps.analysis.pareto import dominating, pareto_table
+from sweeps.analysis.pareto import COST, dominating, find_front, pareto_table
 from sweeps.analysis.settings import effects, read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
 from sweeps.cli import main as cli
@@ -138,6 +138,9 @@ def test_confusion_is_of_the_blocks_that_every_entry_has(tmp_path: Path) -> None
     left = {"block": 6, "large_cylinder": 70}  # of two blocks, 64 and 6
     assert {key: count.total() for key, count in found.counts.items()} == {
         (label, body): left[body] for label in ("s", "sx") for body in left}
+    for row in table_rows(make_leaderboard(plan, [store]))[:2]:
+        assert found.recognized[row["strategy"]] == pytest.approx(
+            float(row["recognized"]), abs=5e-5)
 
 
 def test_levels_of_a_factor_keep_to_the_scores_range(tmp_path: Path) -> None:
@@ -197,6 +200,11 @@ def test_pareto_of_equal_cost_is_the_best(paired: Paired) -> None:
     first, *rest = table_rows(pareto_table(paired, "chamfer_mm"))
     assert (first["dominated_by"], first["p_front"]) == ("", "1.000")
     assert {row["dominated_by"] for row in rest} == {"s"}
+
+
+def test_of_all_that_dominate_an_entry_the_best_is_named(paired: Paired) -> None:
+    means = {"chamfer_mm": np.array([[3.0, 2.0, 1.0]]), COST: np.array([[10.0, 5.0, 6.0]])}
+    assert find_front(replace(paired, means=means), "chamfer_mm").dominated_by == (2, None, None)
 
 
 @pytest.mark.parametrize("over", ["like-these", "these"])

@@ -87,15 +87,16 @@ def test_equal_episodes_do_not_differ_at_all(
         assert (row["n_objects"], row["n_episodes_a"], row["n_episodes_b"]) == (2, 140, 140)
 
 
+@pytest.mark.parametrize(("mine", "theirs"), [(40.0, 40.0), (40.0, 30.0), (30.0, 40.0)])
 def test_what_failed_counts_as_what_was_given_where_that_is_worse(
-        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    @fake_episodes.cell_by_cell
-    def given(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
-        rows = fake_episodes.rows_of(cell, episodes)
-        return rows | {"prior_chamfer_mm": np.full(len(episodes), 40.0)}
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], mine: float, theirs: float) -> None:
+    """In either study: both together have one worst."""
+    def given(prior: float) -> RunCells:
+        return fake_episodes.cell_by_cell(lambda cell, episodes, device: fake_episodes.rows_of(
+            cell, episodes) | {"prior_chamfer_mm": np.full(len(episodes), prior)})
 
-    one, plan = made(tmp_path / "a", episodes=given), plan_of(tmp_path / "b")
-    store = fill(tmp_path / "b", plan, given)
+    one, plan = made(tmp_path / "a", episodes=given(mine)), plan_of(tmp_path / "b")
+    store = fill(tmp_path / "b", plan, given(theirs))
     for unit in plan.units():
         if unit.cell.strategy.name == "mine":
             store.path(unit).unlink()
@@ -171,6 +172,14 @@ def test_entries_are_matched_by_the_values_of_what_is_swept(
     assert [match.label for match in found.matches] == [
         f"{name} {label}".strip() for name in ("ring6", "mine") for label in labels]
     assert len(shared_by(*plans[::-1]).matches) == len(found.matches)
+
+
+def test_what_one_study_sweeps_is_matched_with_the_others_table(tmp_path: Path) -> None:
+    fixed = plan_of(tmp_path / "a", SMALL + "[sensors]\ntendon_threshold_N = 3.0\n")
+    several = plan_of(tmp_path / "b", swept("[3.0, 6.0]"))
+    for one, other in ((fixed, several), (several, fixed)):
+        assert [match.label for match in shared_by(one, other).matches] == [
+            f"{name} [{KEY}=3]" for name in ("ring6", "mine")]
 
 
 def test_swept_keys_of_strategies_are_matched_too(tmp_path: Path) -> None:
@@ -266,6 +275,15 @@ def test_the_mean_of_many_shares_is_known_better_than_one() -> None:
     width = made.high - made.low
     assert width[-1] < 0.5 * width[0]
     assert (np.abs([made.low, made.high]) <= 1.0).all()
+
+
+def test_objects_whose_outcomes_all_agree_have_the_error_of_their_episodes() -> None:
+    """They do not differ, so of objects like these no less is known, but for Student's t."""
+    found = Differences(chances=True)
+    for _ in range(6):
+        found.add([(np.zeros((8, 1)), np.ones(1, bool), True)])
+    like, these = (found.estimate(over).high[0] for over in ("like-these", "these"))
+    assert like / these == pytest.approx(stats.t.ppf(0.975, 5) / stats.t.ppf(0.975, 7 * 6))
 
 
 def test_failing_counts_as_the_worst_of_both(

@@ -3,13 +3,20 @@
 import csv
 import io
 from dataclasses import replace
+from itertools import combinations_with_replacement
 
 import numpy as np
 import pytest
 
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.contact_verdict import NEAR_M
-from sweeps.episode.contact_rows import contact_columns, contact_tables, contacts_csv
+from sweeps.episode.contact_rows import (
+    VECTORS,
+    _distinct,
+    contact_columns,
+    contact_tables,
+    contacts_csv,
+)
 from sweeps.episode.episodes import EpisodeBlock, run_block
 from sweeps.figures.contacts import contacts_shown
 from sweeps.figures.meshes import mesh_of_world
@@ -107,3 +114,11 @@ def test_where_the_model_stands_contacts_are_its_own() -> None:
                        for name in ("x_m", "y_m", "z_m")], axis=1)
     used = block.evidence.points_m[0][block.evidence.mask[0]]
     assert (points[:, None] == used).all(-1).any(0).all()
+
+
+def test_columns_of_a_covariance_are_those_of_their_names() -> None:
+    names, axes = VECTORS["covariance"], "xyz"
+    found = dict(zip(names, _distinct(np.arange(1, 10).reshape(1, 3, 3))[0], strict=True))
+    for one, other in combinations_with_replacement(range(3), 2):
+        name = f"var_{axes[one]}_m2" if one == other else f"cov_{axes[one]}{axes[other]}_m2"
+        assert found[name] == 3 * one + other + 1

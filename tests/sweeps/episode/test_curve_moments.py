@@ -8,7 +8,7 @@ import pytest
 
 from strategies.poses.waypoints import BoundingCylinder
 from strategies.ready_made import STRATEGIES
-from sweeps.episode.curve_moments import CURVES, GROWTH, Moment, curves, no_scores
+from sweeps.episode.curve_moments import CURVES, GROWTH, Grown, Moment, curves, no_scores
 from sweeps.episode.episodes import run_block, run_episodes
 from sweeps.episode.given_prior import prior_recovered
 from sweeps.spec.cell import Cell
@@ -91,6 +91,12 @@ def test_worlds_have_the_curves_that_they_have_alone() -> None:
     alone = rows("chosen", MUG, EPISODES[1:])
     for name in CURVES:
         np.testing.assert_array_equal(every[name][1], alone[name][0])
+
+
+def test_touches_have_grown_when_they_are_half_as_many_again() -> None:
+    grown = Grown(2)
+    found = [grown(np.array(touches)).tolist() for touches in ([0, 8], [8, 11], [11, 12], [12, 17])]
+    assert found == [[False, True], [True, False], [False, True], [True, False]]
 
 
 def test_a_neighbours_step_takes_no_point_away() -> None:

@@ -1,5 +1,7 @@
 """The prior that a strategy is given, against what the bodies measure."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -14,7 +16,7 @@ from sweeps.episode.given_prior import draw_prior, seen_prior
 from sweeps.spec.cell import Cell
 from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable, StereoTable
 from warpgrasp.robot import Robot, Truth
 
@@ -24,6 +26,21 @@ KEY = counter_key(3, np.arange(5))
 def placed(body: object, **words: object) -> tuple[np.ndarray, ObjectTable]:
     table = ObjectTable(**words)  # type: ignore[arg-type]
     return place_objects(table, KEY), table
+
+
+def reaches(points_m: np.ndarray, pose: np.ndarray, box: BoundingBox) -> np.ndarray:
+    """How far points of a body, (point, 2), reach to the four sides of each world's box, and where
+    these are, (world, side, 2) [m]."""
+    found = []
+    for world in range(len(pose)):
+        yaw = 2 * np.arctan2(pose[world, 5], pose[world, 6])
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        seen = points_m @ turn.T + pose[world, :2] - [box.x_m[world], box.y_m[world]]
+        for angle, half in zip(box.yaw_rad[world] + np.array([0.0, np.pi / 2]),
+                               box.half_m[world], strict=True):
+            along = seen @ [np.cos(angle), np.sin(angle)]
+            found += [(along.max(), half), (-along.min(), half)]
+    return np.array(found).reshape(len(pose), 4, 2)
 
 
 @pytest.mark.parametrize("name", ["block", "wedge", "wine_bottle", "funnel"])
@@ -36,16 +53,43 @@ def test_a_box_without_errors_holds_the_body_and_touches_its_sides(name: str) ->
     # Of all of these the narrowest rectangle is that of their box.
     true = np.sort(0.5 * np.subtract(body.high_m, body.low_m)[:2])
     assert np.abs(np.sort(box.half_m) - true).max() < 6e-6
-    for world in range(len(KEY)):
-        yaw = 2 * np.arctan2(pose[world, 5], pose[world, 6])
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        seen = points @ turn.T + pose[world, :2] - [box.x_m[world], box.y_m[world]]
-        for angle, half in zip(box.yaw_rad[world] + np.array([0.0, np.pi / 2]),
-                               box.half_m[world], strict=True):
-            along = seen @ [np.cos(angle), np.sin(angle)]
-            assert half - 2e-4 < along.max() < half + 6e-6
-            assert half - 2e-4 < -along.min() < half + 6e-6
+    far, half = np.moveaxis(reaches(points, pose, box), -1, 0)
+    assert (half - 2e-4 < far).all()
+    assert (far < half + 6e-6).all()
     assert np.allclose(box.half_width(box.yaw_rad[:, None])[:, 0], box.half_m[:, 0])
+
+
+def test_a_box_about_what_stands_askew_in_its_frame_touches_its_corners() -> None:
+    """Three posts, whose narrowest rectangle has its middle beside that of their frame."""
+    middles = np.array([[0, 0], [60, 50], [25, 45]])
+    body = body_from_table({"name": "posts", "compound": [
+        {"shape": "block", "size_mm": [20, 20, 80], "at_mm": [int(x), int(y), 0]}
+        for x, y in middles]}, Path())
+    pose, table = placed(body, prior="box", prior_sigma_m=0.0)
+    box = draw_prior(body, pose, table, KEY)
+    assert isinstance(box, BoundingBox)
+    corners = (middles[:, None] + 10 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])) / 1e3
+    own = corners.reshape(-1, 2) - (corners.max((0, 1)) + corners.min((0, 1))) / 2
+    far, half = np.moveaxis(reaches(own, pose, box), -1, 0)
+    assert far == pytest.approx(half, abs=6e-6)
+    assert np.abs([box.x_m - pose[:, 0], box.y_m - pose[:, 1]]).max() > 0.001
+
+
+@pytest.mark.parametrize("prior", ["cylinder", "box"])
+def test_each_number_of_a_prior_has_a_normal_error_of_its_own(prior: str) -> None:
+    """A box is turned by as much as moves the middle of its shorter sides by that."""
+    key = counter_key(6, np.arange(4000))
+    body, pose = body_from_name("block"), place_objects(ObjectTable(), key)
+    given, true = (draw_prior(body, pose, ObjectTable(prior=prior, prior_sigma_m=sigma_m), key)
+                   for sigma_m in (0.002, 0.0))
+    errors = [given.x_m - true.x_m, given.y_m - true.y_m, given.height_m - true.height_m]
+    if isinstance(given, BoundingBox) and isinstance(true, BoundingBox):
+        turned = given.yaw_rad - true.yaw_rad
+        errors += [*(given.half_m - true.half_m).T, turned * given.half_m.max(axis=1)]
+    else:
+        errors.append(given.radius_m - true.radius_m)
+    assert np.cov(errors) / 0.002**2 == pytest.approx(np.eye(len(errors)), abs=0.08)
+    assert given.margin_m >= 3.0 * 0.002
 
 
 def test_the_cylinder_about_a_wedge_reaches_to_its_corners() -> None:

@@ -15,6 +15,7 @@ from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import FitTable
 from warpgrasp.robot import Truth
+from warpgrasp.touch.line_touch import LineTruth
 
 RADIUS_M = 0.03
 SPHERE = {"name": "ball", "compound": [{"shape": "sphere", "radius_mm": 30}]}
@@ -45,9 +46,14 @@ def test_a_contact_on_a_sphere_covers_a_cap() -> None:
     area = 2 * np.pi * RADIUS_M * (2 * RADIUS_M - TABLE_MARGIN_M)
     assert surface.share(truth)[0] == pytest.approx(2 * np.pi * NEAR_M**2 / area, abs=0.02)
     before = surface.share(truth)
-    lost = closing(middle[None] + [0.0, 0.0, RADIUS_M], on_table=np.ones((1, 1, 1, 1), bool))
-    truth.closings.append(lost)
-    assert surface.share(truth) == before
+    top = middle[None] + [0.0, 0.0, RADIUS_M]
+    for flag in ("on_table", "self_contact"):
+        truth.closings.append(closing(top, **{flag: np.ones((1, 1, 1, 1), bool)}))
+        assert surface.share(truth) == before
+    for on_table in (True, False):
+        truth.lines.append(LineTruth(np.zeros(1, int), np.zeros((1, 4)), top, np.zeros((1, 3)),
+                                     np.ones(1), np.full(1, on_table), np.zeros((1, 7))))
+        assert (surface.share(truth) == before) == on_table
 
 
 def test_no_contact_covers_nothing() -> None:

@@ -14,7 +14,7 @@ from strategies.procedures.options import ContourTable
 from strategies.ready_made import STRATEGIES
 from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_episodes
-from sweeps.episode.untouched import UNTRIED, mostly_itself
+from sweeps.episode.untouched import UNTRIED, _side, mostly_itself
 from sweeps.spec.cell import Cell
 from warpgrasp.mechanism.arm_reach import nearest_reachable, pose_reachable
 from warpgrasp.parameters import ArmTable, HandTable, ObjectTable, SensorTable, StereoTable
@@ -161,3 +161,12 @@ def test_a_contour_about_an_axis_that_no_camera_saw_says_so() -> None:
     assert not any("saw no axis" in note for note in seen["note"])
     assert all("saw no axis" in note for note in unseen["note"])
     assert all("contour" in words for words in unseen["procedures"])
+
+
+@pytest.mark.parametrize(("to_object", "approach", "where"), [
+    ((0.0, 0.0, -0.02), (0.0, 0.0, -1.0), "above"), ((0.0, 0.01, 0.03), (1.0, 0.0, 0.0), "below"),
+    ((0.02, 0.0, -0.01), (1.0, 0.0, 0.0), "short of"),
+    ((0.02, 0.0, 0.01), (0.0, 1.0, 0.0), "beside"), ((-0.02, 0.0, 0.0), (1.0, 0.0, 0.0), "beside")])
+def test_a_hand_is_where_the_object_is_not(to_object: tuple[float, ...],
+                                           approach: tuple[float, ...], where: str) -> None:
+    assert _side(np.array(to_object), np.array(approach)) == f"{where} the object"

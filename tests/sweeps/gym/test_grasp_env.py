@@ -15,6 +15,7 @@ from fit.superquadric.geometry import Superquadric
 from strategies.planners.probes import Probe
 from strategies.planners.register import planner
 from strategies.poses.hand_outline import outline_of
+from strategies.poses.waypoints import BoundingBox
 from strategies.recovery.belief import Belief
 from strategies.recovery.misfit import touch_misfit
 from strategies.strategy import Strategy
@@ -230,6 +231,22 @@ def test_pads_cross_faces_and_follow_contours() -> None:
     assert (contacts[..., 0].sum(1) == felt.mask.sum(1)).all()
     assert (contacts[..., 1].sum(1) == (felt.by_pad & felt.mask).sum(1)).all()
     assert contacts[1:, :, 1].any(1).all()
+    prior = worlds._run.belief.prior
+    for world, mask in enumerate(felt.mask):
+        foot = [prior.x_m[world], prior.y_m[world], 0.0]
+        assert contacts[world, :mask.sum(), 2:] == pytest.approx(felt.points_m[world, mask] - foot)
+
+
+def test_a_box_is_told_by_its_sides_and_twice_its_yaw() -> None:
+    """So that a box that is turned by half a turn is told alike."""
+    worlds = GraspVectorEnv(4, probes=1, closings=("curl40",),
+                            settings={"object": {"prior": "box"}})
+    seen, _ = worlds.reset(seed=1)
+    box = worlds._run.belief.prior
+    assert isinstance(box, BoundingBox)
+    assert np.array_equal(seen[:, 4:6], box.half_m)
+    turned = np.arctan2(seen[:, 7], seen[:, 6]) / 2 - box.yaw_rad
+    assert np.sin(turned) == pytest.approx(0.0, abs=1e-12)
 
 
 def test_pictures_are_of_every_world() -> None:

@@ -84,6 +84,24 @@ def test_safe_bounds_hold_for_rare_losses() -> None:
     assert early.mean() > 0.3
 
 
+@pytest.mark.parametrize("count", [1, 2, 90])
+def test_safe_bounds_are_those_of_the_theorem_draw_by_draw(count: int) -> None:
+    """Each bet, mean and variance are of the draws before; the highest bound so far counts."""
+    drawn, alpha = np.random.default_rng(7).beta(0.9, 0.3, (4, count)), 0.2
+    for draws, found in zip(drawn, safe_lower(drawn, alpha, 0.0, 1.0), strict=True):
+        mean, variance, best = 0.5, 0.25, 0.0
+        bets, won, paid = 0.0, 0.0, np.log(1.0 / alpha)
+        for n, draw in enumerate(draws, 1):
+            bet = min(0.5, np.sqrt(2.0 * np.log(1.0 / alpha) / (variance * n * np.log(1.0 + n))))
+            paid += 4.0 * (draw - mean) ** 2 * (-np.log(1.0 - bet) - bet) / 4.0
+            bets, won = bets + bet, won + bet * draw
+            best = max(best, (won - paid) / bets)
+            mean = (0.5 + draws[:n].sum()) / (n + 1)
+            means = [(0.5 + draws[:k].sum()) / (k + 1) for k in range(1, n + 1)]
+            variance = (0.25 + ((draws[:n] - means) ** 2).sum()) / (n + 1)
+        assert found == pytest.approx(best)
+
+
 def test_safe_bounds_close_in_and_scale() -> None:
     drawn = np.random.default_rng(4).uniform(0.0, 1.0, (1, 4000))
     few, many = (safe_lower(drawn[:, :count], 0.01, 0.0, 1.0)[0] for count in (50, 4000))

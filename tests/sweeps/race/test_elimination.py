@@ -5,7 +5,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pytest
 
-from sweeps.race.elimination import Look, Part, Race, Rules, judge
+from sweeps.race.elimination import (
+    Look,
+    Part,
+    Race,
+    Rules,
+    _affordable,
+    judge,
+    replicates_left,
+)
 from sweeps.race.rung_level import next_rung
 
 Scores = Callable[[Part], np.ndarray]
@@ -100,6 +108,16 @@ def test_of_equal_entries_hardly_any_is_called_worse() -> None:
     assert wrong <= 5  # 2.5 in the mean
 
 
+def test_worse_takes_a_bound_at_as_small_a_share_of_the_level_as_there_are_entries() -> None:
+    """For each ordered pair has a share of the chance that any is called worse and is not."""
+    values = list(skewed(3, np.linspace(5.0, 6.5, 31).tolist()).clip(0.0, 20.0))
+    usual, strict = (judge(1, values, np.zeros(31, bool), Rules(0.01, each, bounds=(0.0, 20.0)))
+                     for each in (0.95, 1.0 - 0.05 / 31))
+    assert usual.leader == strict.leader
+    assert (usual.out == (strict.lower > 0.0)).all()
+    assert ((usual.lower > 0.0) & ~usual.out).any()
+
+
 def test_safe_bounds_need_more_and_keep_the_promise() -> None:
     means, counts = [3.0, 4.0, 12.0], []
     for bounds in (None, (0.0, 30.0)):
@@ -149,6 +167,24 @@ def test_entries_that_are_far_worse_change_nothing_but_the_correction() -> None:
     assert looks[1].out[3]
 
 
+def test_a_leader_that_is_ahead_of_all_that_are_open_waits_for_them() -> None:
+    race, waited = Race(6, Rules(0.3)), 0
+    rungs = run(race, drawn(skewed(4, np.linspace(5.0, 6.2, 6).tolist())))
+    for look, asked in zip(race.looks, rungs[1:], strict=False):
+        ahead = (look.replicates[look.open] < look.replicates[look.leader]).all()
+        assert (look.leader in [entry for entry, _, _ in asked]) != ahead
+        waited += ahead
+    assert waited
+
+
+def test_what_is_left_would_bring_each_bound_to_the_zone() -> None:
+    """Bounds close in as one over the root of the replicates; here by 3 and by 2."""
+    nobody = np.zeros(3, bool)
+    look = Look(1, np.array([50, 40, 80]), 0, np.array([0.0, 0.1, 0.3]),
+                np.array([0.0, -1.1, -0.9]), nobody, np.array([False, True, True]))
+    assert replicates_left(look, 0.3) == pytest.approx(40 * (3**2 - 1) + 80 * (2**2 - 1))
+
+
 @pytest.mark.parametrize("budget", [16, 100, 333])
 def test_a_budget_is_kept_and_larger_ones_go_on_from_there(budget: int) -> None:
     values = skewed(6, [5.0, 5.05, 5.1, 5.2, 6.0])
@@ -160,6 +196,11 @@ def test_a_budget_is_kept_and_larger_ones_go_on_from_there(budget: int) -> None:
     assert small.looks[-1].within > 0.01
     for mine, theirs in zip(small.looks[:-1], large.looks, strict=False):
         assert (mine.replicates == theirs.replicates).all()
+
+
+def test_a_budget_cuts_the_steps_of_all_by_the_same_share() -> None:
+    found = _affordable(np.array([10, 10, 4, 7]), np.array([20, 20, 8, 7]), 31 + 12)
+    assert found.tolist() == [15, 15, 6, 7]  # half of 24
 
 
 def test_too_small_a_budget_asks_for_nothing() -> None:
@@ -190,6 +231,8 @@ def test_what_pairing_is_worth() -> None:
     race = Race(3, Rules(1.0, start=2000))
     run(race, drawn(common + own + np.arange(3)[:, None, None]))
     assert race.paired_over_unpaired == pytest.approx(0.2, abs=0.02)
+    # a replicate is the mean of four differences, whose variance is 2
+    assert race.spread == pytest.approx([0.0, np.sqrt(0.5), np.sqrt(0.5)], abs=0.02)
 
 
 def test_the_order_of_answers_is_that_of_the_questions() -> None:

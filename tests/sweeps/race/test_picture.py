@@ -1,6 +1,7 @@
 """The picture of a race: legible for two entries and for two hundred, the same bytes."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -88,6 +89,13 @@ def test_one_rung_is_one() -> None:
     assert summary(found)["episodes"].endswith(" in 1 rung")
     margin = f"planned for {found.rules.within:g} mm with all spreads known ("
     assert margin in summary(found)["equal"]  # also where a budget supports less
+
+
+@pytest.mark.parametrize(("metric", "mean", "room"), [("chamfer_mm", 4.0, 4.0), ("iou", -0.6, 0.4)])
+def test_no_mean_can_be_better_than_all_that_can_be(metric: str, mean: float, room: float) -> None:
+    """The mean of a share has its sign turned: less is better."""
+    found = verdict(2, Rules(9.0))
+    assert replace(found, metric=metric, means=np.full(2, mean)).room == pytest.approx(room)
 
 
 def test_a_table_ranks_by_the_difference_to_the_winner() -> None:

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from fake_episodes import cell_by_cell, rows_of
+from scipy.stats import f_oneway
 from studies import SMALL, fill, plan_of, write_spec
 
 from sweeps.analysis.interval import ObjectMeans
@@ -48,6 +49,24 @@ def test_an_object_without_scores_tells_nothing(tmp_path: Path) -> None:
     whole, found = (pilot_spreads(tmp_path / name, "chamfer_mm") for name in ("whole", "pilot"))
     assert found.within.shape[1] == objects - 1 == whole.within.shape[1] - 1
     assert np.isin(found.within, whole.within).all()
+
+
+def test_spreads_of_a_pilot_are_the_components_of_its_variance(tmp_path: Path) -> None:
+    """The variance between groups of equal size over that within is F of a one-way analysis."""
+    plan, episodes = plan_of(tmp_path / "spec", SMALL.replace("= 70\no", "= 6\no")), 6
+    drawn = np.random.default_rng(2).normal(0.0, 1.0, (2, episodes)) + [[0.0], [3.0]]
+
+    def apart(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        number = [body.name for body in plan.study.objects].index(cell.object_name)
+        lead = drawn[number, episodes] * (cell.strategy.name == "mine")
+        return rows_of(cell, episodes, device) | {"chamfer_mm": 20.0 + lead}
+
+    fill(tmp_path / "pilot", plan, cell_by_cell(apart))
+    found = pilot_spreads(tmp_path / "pilot", "chamfer_mm")
+    within = drawn.var(axis=1, ddof=1)
+    assert found.within[0] == pytest.approx(within)
+    assert found.between[0] == pytest.approx(
+        within.mean() * (f_oneway(*drawn).statistic - 1.0) / episodes)
 
 
 def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from studies import SMALL, plan_of
 
-from sweeps.race.course import Course
+from sweeps.race.course import Course, afforded, rules_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
 from sweeps.run.store import Store
@@ -29,12 +29,58 @@ def test_a_unit_that_failed_counts_as_the_worst_that_any_entry_had_or_was_given(
             continue
         rows = run_units(fake_episodes.given_episodes, [unit], "cpu")[0]
         rows["prior_chamfer_mm"] += 20.0
+        rows["touches"] = np.array([40.0, np.nan] * 4)
         worst[unit.cell.object_name] = rows["prior_chamfer_mm"].max()
         write_files(store.path(unit), unit.id, rows)
     found, unknown = units.scores(asked)  # (object, episode)
     counted = found[1] + unknown.shares[1] * unknown.costs
     assert np.array_equal(counted, np.tile([[worst["block"]], [worst["wedge"]]], 8))
     assert np.array_equal(units.worst, [worst["block"], worst["wedge"]])
+    assert np.array_equal(units.touches, [40.0, np.nan], equal_nan=True)  # of those known
+
+
+def test_what_is_asked_for_again_is_counted_once(tmp_path: Path) -> None:
+    plan, store = plan_of(tmp_path, SMALL), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    units = RaceUnits(plan, store, "chamfer_mm", "these")
+    lost, *others = units.units([(0, 0, 8)])
+    for there in (others, [lost]):
+        for unit in there:
+            write_files(store.path(unit), unit.id,
+                        run_units(fake_episodes.run_episodes, [unit], "cpu")[0])
+        units.scores([(0, 0, 8)])
+        assert units.missing == ([lost] if there is others else [])
+    assert sum(units.statuses.values()) == 16
+
+
+@pytest.mark.parametrize(("metric", "cap", "bounds"), [
+    ("chamfer_mm", None, None), ("chamfer_mm", 20.0, (0.0, 20.0)), ("iou", 0.5, (-0.5, 0.0)),
+    ("recognized", None, (-1.0, 0.0))])
+def test_bounds_are_of_scores_of_which_less_is_better(
+        metric: str, cap: float | None, bounds: tuple[float, float] | None) -> None:
+    assert rules_of(0.1, 95.0, 8, cap, metric).bounds == bounds
+
+
+def test_a_budget_of_episodes_is_one_of_whole_replicates(tmp_path: Path) -> None:
+    """Of four cases on two objects each."""
+    text = SMALL + '[sweep.sobol]\nn = 4\n"object.yaw_deg" = { low = 0, high = 90 }\n'
+    units = RaceUnits(plan_of(tmp_path, text), Store(tmp_path), "iou", "these")
+    assert afforded(Rules(0.1), units, 103).budget == 12
+
+
+def test_a_replicate_is_the_mean_of_its_cases(tmp_path: Path) -> None:
+    text = SMALL + '[sweep.sobol]\nn = 4\n"object.yaw_deg" = { low = 0, high = 90 }\n'
+    plan, store = plan_of(tmp_path, text), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    units, drawn = RaceUnits(plan, store, "iou", "these"), np.random.default_rng(1)
+    scores: dict[str, list[np.ndarray]] = {}
+    for unit in units.units([(0, 0, 8)]):
+        rows = run_units(fake_episodes.run_episodes, [unit], "cpu")[0] | {"iou": drawn.random(8)}
+        scores.setdefault(unit.cell.object_name, []).append(rows["iou"])
+        write_files(store.path(unit), unit.id, rows)
+    found, _ = units.scores([(0, 0, 8)])
+    assert len(scores["block"]) == 4
+    assert found[0] == pytest.approx(-np.array([*scores.values()]).mean(axis=1))
 
 
 class Told(Race):

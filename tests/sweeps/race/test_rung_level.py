@@ -35,8 +35,11 @@ def test_one_look_has_its_own_tail_and_bounds_in_vain_are_never_crossed() -> Non
 def test_the_level_is_raised_and_kept(alpha: float, start: int) -> None:
     level = level_at_rungs(start, alpha, 1)
     counts = rungs_from(start, 1)
-    chance = crossing_probability(counts, asymptotic_multiple(counts, level))
-    assert 0.7 * alpha < chance < alpha  # the rest is for one look beside the rungs
+    bounds = asymptotic_multiple(counts, level)
+    chance = crossing_probability(counts, bounds)
+    assert 0.7 * alpha < chance < alpha
+    one_look = norm.sf(bounds.min())  # beside the rungs
+    assert chance + one_look == pytest.approx(alpha, rel=0.01)
     assert 1.5 * alpha < level < 6.0 * alpha
 
 

@@ -50,6 +50,15 @@ def test_the_estimate_knows_arms_and_the_start(tmp_path: Path) -> None:
     assert seconds(tmp_path, few) == pytest.approx(START_S + OBJECT_S + UNIT_S, abs=1.0)
 
 
+def test_settings_with_free_forms_take_longer_than_those_without(tmp_path: Path) -> None:
+    one, other = (seconds(tmp_path, f'{HEAD}{LEARNING}[fit]\nreconstruct = "{word}"\n')
+                  for word in ("superquadric", "implicit"))
+    both = seconds(tmp_path, HEAD + LEARNING + (
+        '[sweep.grid]\n"fit.reconstruct" = ["superquadric", "implicit"]\n'))
+    assert other > 2 * one
+    assert both == pytest.approx(one + other, rel=0.1)
+
+
 @pytest.mark.parametrize(("name", "measured"), [("everyday", 2242.0), ("held_out", 1128.0)])
 def test_studies_of_few_episodes_a_unit_take_about_what_was_measured(
         monkeypatch: pytest.MonkeyPatch, name: str, measured: float) -> None:

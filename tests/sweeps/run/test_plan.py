@@ -98,6 +98,13 @@ def test_ids_depend_on_what_rows_depend_on(tmp_path: Path) -> None:
         assert ids(plan_study(read_spec(write_spec(tmp_path), [key]))) == base, key
 
 
+def test_robots_that_truly_differ_have_units_of_their_own(tmp_path: Path) -> None:
+    """What is believed of them is the same."""
+    found = ids(plan_of(tmp_path, SMALL + '[robot]\nswept = "truth"\n[sweep.grid]\n'
+                        '"sensors.tendon_threshold_N" = [3.0, 9.0]\n'))
+    assert len(set(found)) == len(found)
+
+
 def test_a_planner_edited_between_two_plans_makes_other_units(tmp_path: Path) -> None:
     file = tmp_path / "mine.py"
     text = SMALL + '[[strategy]]\nname = "own"\nstrategy = "mine.py:go"\n'
@@ -118,6 +125,9 @@ def test_a_grown_study_keeps_its_units(tmp_path: Path) -> None:
     assert set(ids(before)) < set(ids(after))
     assert extends(before.resolved, after.resolved)
     assert not extends(after.resolved, before.resolved)
+    more = plan_of(tmp_path, SMALL)
+    assert extends(before.resolved, more.resolved)
+    assert not extends(more.resolved, before.resolved)  # of fewer episodes
 
 
 def test_a_changed_sweep_is_told_by_its_keys(tmp_path: Path) -> None:

@@ -30,6 +30,8 @@ def test_the_rate_is_that_of_the_units_done_since_all_was_compiled(clock: list[f
     clock[0] = 75.0  # the next call goes on
     assert told.rate == 0.5
     assert told.seconds_left == 30.0
+    told.kept()
+    assert (told.rate, told.seconds_left) == (0.5, 28.0)
 
 
 def test_a_first_batch_that_comes_at_once_does_not_tell_an_endless_rate(

@@ -77,6 +77,8 @@ def test_a_threshold_that_noise_passes_is_told(
 @pytest.mark.parametrize("hand", ["allegro", "leap", "barrett"])
 @pytest.mark.parametrize(("more", "says"), [
     ("", ""), ("[sensors]\ntorque_step_Nm = 0.006\n", ""),
+    # 0.0505 N m, which a converter with these steps reads as 0.048
+    ("[sensors]\ntorque_step_Nm = 0.006\ntorque_friction_Nm = 0.0355\n", ""),
     ("[sensors]\ntorque_friction_Nm = 0.1\n", "of torques read up to 0.115 N m where nothing"),
     ("[sensors]\ntorque_noise_Nm = 0.05\n", "fingers stop from 0.05 N m on: some contacts"),
     ('[sweep.grid]\n"sensors.torque_threshold_Nm" = [0.05, 0.005]\n',

@@ -1,5 +1,6 @@
 """Axes of a sweep: their settings, what they draw, and which values do not go together."""
 
+from itertools import product
 from math import degrees, isclose, radians
 from pathlib import Path
 
@@ -86,6 +87,37 @@ def test_sampled_axes_depend_on_the_seed_alone(tmp_path: Path) -> None:
         assert first.axes == again.axes != other.axes
         cells = sorted(int((v[0] + 180) // 22.5) for v in first.axes[0].values)
         assert cells == list(range(16))  # one draw in each sixteenth
+
+
+def test_whole_numbers_are_drawn_up_to_both_ends(tmp_path: Path) -> None:
+    text = '[sweep.sobol]\nn = 16\n"sensors.tension_readings" = { low = 1, high = 4 }\n'
+    (axis,) = read(tmp_path, SMALL + text).axes
+    assert sorted(values[0] for values in axis.values) == sorted(4 * [1, 2, 3, 4])
+
+
+def test_the_last_axis_runs_fastest(tmp_path: Path) -> None:
+    study = read(tmp_path, SMALL + """
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3.0, 6.0]
+"object.yaw_deg" = [0, 45, 90]
+""")
+    given = [tuple(study.setting(n)[0].values()) for n in range(6)]
+    assert given == [*product((3.0, 6.0), (0, 45, 90))]
+
+
+@pytest.mark.parametrize("swept", ["truth", "belief"])
+def test_what_is_swept_of_one_robot_alone_leaves_the_other(tmp_path: Path, swept: str) -> None:
+    study = read(tmp_path, SMALL + f"""
+[robot]
+swept = "{swept}"
+[sweep.grid]
+"sensors.tendon_threshold_N" = [3.0, 9.0]
+""")
+    for setting, value in enumerate((3.0, 9.0)):
+        cell = study.cell(0, 0, setting)
+        assert cell.true is not None
+        assert (cell.true.sensors.tendon_threshold_N, cell.sensors.tendon_threshold_N) == (
+            (value, 6.0) if swept == "truth" else (6.0, value))
 
 
 def test_a_range_of_lists_draws_every_number_for_itself(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from curved_episodes import wide_study, wide_text
-from fake_episodes import cell_by_cell, run_episodes
+from fake_episodes import cell_by_cell, rows_of, run_episodes
 from scipy.stats import t
 from studies import fill, plan_of, write_spec
 
@@ -21,8 +21,9 @@ from sweeps.run import worker
 from sweeps.run.race_record import read_race_note
 from sweeps.run.store import Store
 from sweeps.run.store import plan_of as stored_plan
-from sweeps.run.unit_file import write_files
+from sweeps.run.unit_file import Columns, write_files
 from sweeps.run.worker import run_units
+from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError
 from sweeps.watch.any_time import alpha_of, mean_over_objects
 from sweeps.watch.mean_error import mean_errors
@@ -364,3 +365,21 @@ def test_equal_entries_have_the_order_of_the_leaderboard(tmp_path: Path) -> None
     shown = [row.label for row in View(tmp_path / "out", "chamfer_mm").state().rows]
     assert shown == ["ant", "bee", "elephant", "horse"]
     assert shown == [row[board.header.index("strategy")] for row in board.rows][:4]
+
+
+def test_worse_takes_a_look_at_an_equal_share_of_all_ordered_pairs(tmp_path: Path) -> None:
+    """Differences of 1 mm more or less, whose standard error is known."""
+    plan = plan_of(tmp_path / "spec", SPEC.replace("= 130", "= 64"))
+    least = t.isf(0.05 / 3 / (4 * 3), 3 * 63) / np.sqrt(3 * 63)  # one-sided, of three looks
+    ahead = {"ant": 0.0, "bee": 0.97 * least, "horse": 1.03 * least, "elephant": 4.0}
+
+    def apart(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
+        luck = (2.0 * (episodes % 2) - 1.0) * (cell.strategy.name != "ant")
+        return rows_of(cell, episodes) | {
+            "chamfer_mm": 5.0 + ahead[cell.strategy.name] + luck}
+
+    fill(tmp_path / "out", plan, cell_by_cell(apart))
+    rows = View(tmp_path / "out", "chamfer_mm").state().rows
+    assert [(row.label, row.verdict) for row in rows] == [
+        ("ant", "best"), ("bee", ""), ("horse", "worse"), ("elephant", "worse")]
+    assert [row.behind for row in rows] == pytest.approx([*ahead.values()], rel=1e-5)
