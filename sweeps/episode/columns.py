@@ -46,7 +46,7 @@ def model_columns(
     for number, name in enumerate(NODES):
         columns[name] = np.empty(len(turned), object)
         columns[name][:] = [row[number] for row in nodes]
-    columns |= interval_columns(belief, recovered, replaced)
+    columns |= interval_columns(belief, recovered, rms, replaced)
     return columns | {"fit_rms_mm": rms * 1e3, "fit_iterations": iterations.astype(np.int64),
                       "fit_status": np.array(status_names(status))}
 
@@ -61,18 +61,18 @@ def model_names(recovered: Recovered, table: FitTable) -> np.ndarray:
 
 
 def interval_columns(
-    belief: Belief, recovered: Recovered, replaced: np.ndarray | None = None
+    belief: Belief, recovered: Recovered, rms_m: np.ndarray, replaced: np.ndarray | None = None
 ) -> dict[str, np.ndarray]:
     """90 % intervals of volumes, (world,) each, NaN where nothing was recovered or a mesh stands,
     bool `replaced` (world,); if they are of a kind that held, and whether the contacts agree with
-    the model."""
+    the model. `rms_m` (world,) is the bodies' `accepted_rms`."""
     known = recovered.shape != Shape.PRIOR
     stands = known if replaced is None else known & ~replaced
     low, high = np.full((2, len(known)), np.nan)
     trusted = np.zeros_like(known)
     if known.any():
         low, high = np.where(stands, belief.uncertainty.volume_interval_m3().T, np.nan)
-        trusted = stands & interval_trusted(belief.uncertainty.signs)
+        trusted = stands & interval_trusted(belief.uncertainty.signs, rms_m)
     share = belief.felt.contradicted_share()
     return {"volume_low_m3": low, "volume_high_m3": high, "interval_trusted": trusted,
             "contradicted_share": np.where(known, share, np.nan),

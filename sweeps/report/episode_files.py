@@ -12,6 +12,7 @@ from fit.superquadric.geometry import SuperquadricLike
 from strategies.procedures.touches import REASON_TEXT, EndReason
 from strategies.reconstruct.plug_in_name import CHOSEN, PARTS
 from strategies.recovery.choose_model import Recovered, Shape
+from strategies.recovery.contact_verdict import accepted_rms
 from strategies.strategy import Strategy
 from sweeps.episode.columns import (
     NODES,
@@ -182,7 +183,9 @@ def _interval(block: EpisodeBlock, world: int) -> dict[str, float | bool | None]
     """The 90 % interval of the chosen body's volume, and what tells of trust in it; None where
     that is not known."""
     rebuilt = block.rebuilt
-    columns = interval_columns(block.exploration.belief, block.recovered,
+    belief = block.exploration.belief
+    columns = interval_columns(belief, block.recovered,
+                               accepted_rms(block.recovered, belief.evidence),
                                None if rebuilt is None else rebuilt.made)
     prior = block.recovered.shape[world] == Shape.PRIOR
     found = {name: None if prior or np.isnan(values[world]) else values[world].item()

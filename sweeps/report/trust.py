@@ -14,6 +14,7 @@ from strategies.recovery.contact_verdict import (
     ACCEPTED,
     DOUBTED_M,
     UNEXPLAINED_M,
+    accepted_rms,
     doubted,
     mean_gap,
     unexplained,
@@ -57,7 +58,8 @@ def trust_sentence(block: EpisodeBlock, world: int = 0) -> str:
     belief = block.exploration.belief
     low, high = 1e6 * belief.uncertainty.volume_interval_m3()[world]
     text += f"; its volume is {low:.0f} to {high:.0f} cm3 (90 %)"
-    if not interval_trusted(belief.uncertainty.signs)[world]:
+    off = accepted_rms(block.recovered, belief.evidence)
+    if not interval_trusted(belief.uncertainty.signs, off)[world]:
         text += ", but intervals of such bodies held less often"
     if belief.felt.contradicted_share()[world] >= INADEQUATE_FROM:
         text += "; many contacts contradict the model"

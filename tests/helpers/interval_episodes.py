@@ -11,6 +11,7 @@ from fit.superquadric.uncertainty import surface_distance, surface_std
 from strategies.contacts.felt import unfelt_distance
 from strategies.contacts.volume_spread import VolumeSigns
 from strategies.recovery.choose_model import Shape
+from strategies.recovery.contact_verdict import accepted_rms
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 from warpgrasp.geometry.body_sampling import sample_body
@@ -20,9 +21,10 @@ PLACES = 128
 
 
 def episode_columns(cell: Cell, episodes: int) -> dict[str, np.ndarray]:
-    """A row for each episode that recovered a body: the signs of its volume, `log_ratio`, the
-    logarithm of the true volume over the recovered one, and of places of the true surface how far
-    they are off the superquadric, `off_m`, and what the robot knows there."""
+    """A row for each episode that recovered a body: the signs of its volume, `rms_m`, how far its
+    contacts lie off it, `log_ratio`, the logarithm of the true volume over the recovered one, and
+    of places of the true surface how far they are off the superquadric, `off_m`, and what the robot
+    knows there."""
     block = run_block(cell, np.arange(episodes), "cpu")
     belief, recovered = block.exploration.belief, block.recovered
     known = (block.status == "ok") & (recovered.shape != Shape.PRIOR)
@@ -33,6 +35,7 @@ def episode_columns(cell: Cell, episodes: int) -> dict[str, np.ndarray]:
     body = Superquadric(*recovered.superquadric)
     columns = {f.name: getattr(uncertainty.signs, f.name) for f in fields(VolumeSigns)} | {
         "log_ratio": np.log(true.volume_m3 / uncertainty.volume_m3),
+        "rms_m": accepted_rms(recovered, belief.evidence),
         "off_m": surface_distance(body, surface)[0].astype(np.float32),
         "place_std_m": surface_std(body, uncertainty, surface).astype(np.float32),
         "place_unfelt_m": unfelt_distance(surface, belief.felt).astype(np.float32)}

@@ -13,7 +13,7 @@ from strategies.contacts.body_uncertainty import surface_spread
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
-from strategies.recovery.contact_verdict import TABLE, UNSURE_BODY
+from strategies.recovery.contact_verdict import TABLE, UNSURE_BODY, accepted_rms
 from sweeps.episode.contact_rows import contact_columns
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
@@ -81,7 +81,8 @@ def interval_row(cell: Cell, episodes: int) -> dict[str, float]:
     body = Superquadric(*recovered.superquadric)
     away, _ = surface_distance(body, surface)
     within = np.abs(away) < Z * surface_spread(body, belief.uncertainty, belief.felt, surface)
-    trusted = known & interval_trusted(belief.uncertainty.signs)
+    trusted = known & interval_trusted(belief.uncertainty.signs,
+                                       accepted_rms(recovered, belief.evidence))
     return {
         "episodes": float(known.sum()), "volume": float(held[known].mean()),
         "surface": float(within[turned].mean()) if turned.any() else float("nan"),

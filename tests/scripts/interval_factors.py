@@ -148,7 +148,7 @@ def judge(given: argparse.Namespace) -> None:
     rows = read_columns(sorted(given.folder.glob("*.npz")))
     shift, std = spread_of_volumes(signs_of(rows))
     held = np.abs(rows["log_ratio"] - shift) < Z * std
-    trusted = interval_trusted(signs_of(rows))
+    trusted = interval_trusted(signs_of(rows), rows["rms_m"])
     shares = []
     for factor in np.unique(rows["errors"]):
         for strategy in np.unique(rows["strategy"]):

@@ -52,15 +52,25 @@ def test_pads_know_by_themselves(felt_by: FeltBy) -> None:
 
 
 def test_what_failed_most_is_not_trusted() -> None:
-    assert interval_trusted(signs())
-    for changed in ({"contradicted": 0.4}, {"empty": 1.8}, {"unfelt": 5.0},
-                    {"own_std": 0.5}):
-        assert not interval_trusted(signs(**changed))
-        assert interval_trusted(signs(FeltBy.PADS, **changed))
+    near = np.array([0.001])
+    assert interval_trusted(signs(), near)
+    for changed in ({"empty": 1.8}, {"unfelt": 5.0}, {"own_std": 0.5}):
+        assert not interval_trusted(signs(**changed), near)
+        assert interval_trusted(signs(FeltBy.PADS, **changed), near)
     for felt_by in FeltBy:
-        assert not interval_trusted(signs(felt_by, empty=3.2))  # a sliver
-    for name in ("own_std", "contradicted", "empty", "unfelt"):
-        assert not interval_trusted(signs(**{name: np.nan}))
+        assert not interval_trusted(signs(felt_by, empty=3.2), near)  # a sliver
+        assert not interval_trusted(signs(felt_by, contradicted=0.4), near)
+        for name in ("own_std", "contradicted", "empty"):
+            assert not interval_trusted(signs(felt_by, **{name: np.nan}), near)
+    assert not interval_trusted(signs(unfelt=np.nan), near)
+
+
+@pytest.mark.parametrize("felt_by", [FeltBy.PADS, FeltBy.CONTOUR])
+def test_a_body_that_pads_felt_and_contacts_lie_off_is_not_trusted(felt_by: FeltBy) -> None:
+    """Contours of toys were trusted, of which one interval in four held."""
+    for off_m in (0.003, np.nan):
+        assert not interval_trusted(signs(felt_by), np.array([off_m]))
+        assert interval_trusted(signs(), np.array([off_m]))
 
 
 def test_signs_are_those_of_body_and_prior() -> None:

@@ -7,6 +7,7 @@ from interval_rows import cell_of, contact_row, errors_times, interval_row
 from strategies.contacts.volume_spread import interval_trusted
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.choose_model import Shape
+from strategies.recovery.contact_verdict import accepted_rms
 from sweeps.episode.episodes import run_block
 from sweeps.spec.cell import Cell
 
@@ -17,14 +18,15 @@ def test_rows_hold_the_interval_that_budgets_use() -> None:
     from sweeps.episode.columns import interval_columns
 
     belief, recovered = block.exploration.belief, block.recovered
-    rows = interval_columns(belief, recovered)
+    off = accepted_rms(recovered, belief.evidence)
+    rows = interval_columns(belief, recovered, off)
     known = recovered.shape != Shape.PRIOR
     assert known.any()
     used = belief.uncertainty.volume_interval_m3()[known]
     assert np.array_equal(np.stack([rows["volume_low_m3"], rows["volume_high_m3"]], 1)[known], used)
     assert np.isnan(rows["volume_low_m3"][~known]).all()
     assert not rows["model_adequate"][~known].any()
-    trusted = interval_trusted(belief.uncertainty.signs)
+    trusted = interval_trusted(belief.uncertainty.signs, off)
     assert np.array_equal(rows["interval_trusted"], known & trusted)
 
 
