@@ -42,8 +42,10 @@ def _denied(belief: Belief) -> str:
     said = []
     off = float(touch_misfit(fits, placed)[0])
     if not off < UNBELIEVED_M:
+        hint = ' (fit.reconstruct = "chosen" tries a free form then)'
         said.append(f"lies {1e3 * off:.1f} mm from its contacts in the mean, "
-                    f"{1e3 * UNBELIEVED_M:.0f} or more are not believed")
+                    f"{1e3 * UNBELIEVED_M:.0f} or more are not believed"
+                    + hint * (belief.fit.reconstruct == "superquadric"))
     if not within_reach(fits, belief.prior)[0]:
         said.append("is far larger than the prior or far from it")
     if not said:

@@ -1,6 +1,7 @@
 """What a row says of an episode that recovered no body."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -46,6 +47,18 @@ def test_a_world_is_explained_alone_as_in_its_batch(block: EpisodeBlock) -> None
     for world in np.flatnonzero(every != ""):
         own = np.array([world])
         assert why_failed(block.status[own], belief.of(own)).tolist() == [every[world]]
+
+
+@pytest.mark.parametrize(("reconstruct", "told"), [("superquadric", True), ("chosen", False)])
+def test_of_a_body_off_its_contacts_free_forms_are_named_to_those_who_did_not_ask(
+        block: EpisodeBlock, reconstruct: str, told: bool) -> None:
+    whole = block.exploration.belief
+    belief = whole.of(np.flatnonzero(whole.fitted)[:1])
+    far = replace(belief.fits, position_m=belief.fits.position_m + [0.2, 0.0, 0.0])
+    asked = replace(belief, fits=far, fit=replace(FIT, reconstruct=reconstruct))
+    note, = why_failed(np.array(["fit_implausible"]), asked)
+    assert "mm from its contacts in the mean" in note
+    assert ('fit.reconstruct = "chosen"' in note) == told
 
 
 @pytest.mark.parametrize(("size", "place", "says"), [
