@@ -45,7 +45,21 @@ def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.
         table = ", or give --table-z" if table_z_m is None else ""
         notes.append(f"touches are few or leave a side open, so that volumes may be far off: "
                      f"{named(names)}; touch all around{table}")
+    if table_z_m is not None and (high_up := _high_up(sets, found, table_z_m)):
+        notes.append(f"no touch lies in the lower half, which is taken to reach down to the table: "
+                     f"{named(high_up)}; check --table-z, or touch nearer to the table")
     return notes
+
+
+def _high_up(sets: PointSets, found: SuperquadricFit, table_z_m: float) -> list[str]:
+    """Sets whose lowest touch is above the middle between the table and the highest, and how high
+    it is."""
+    names = []
+    for index, name in enumerate(sets.names):
+        height = sets.touches_m[sets.slots(index)][:, 2] - table_z_m
+        if is_fitted(found.status[index]) and np.nanmin(height) > 0.5 * np.nanmax(height):
+            names.append(f"{name} (from {1e3 * np.nanmin(height):.2g} mm on)")
+    return names
 
 
 def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float | None

@@ -1,6 +1,7 @@
 """`warpgrasp fit` from CSV to CSV, by the command line."""
 
 import csv
+import re
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing.context import BaseContext
 from pathlib import Path
@@ -250,6 +251,21 @@ def test_fits_far_off_their_touches_come_with_advice(
     write(tmp_path / "p.csv", {"one": touches(1)})
     assert cli.run(arguments) == 0
     assert capsys.readouterr().err == "1 set: 1 converged\n"
+
+
+def test_sets_far_above_the_table_that_was_given_are_named(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A body 0.1 m high came out 0.4 m high, for it stands on the table."""
+    sets = {"up": touches(1) + [0.0, 0.0, 0.3], "down": touches(1)}
+    arguments = ["fit", "superquadric", str(write(tmp_path / "p.csv", sets)),
+                 "-o", str(tmp_path / "fits.csv")]
+    assert cli.run([*arguments, "--table-z", "0"]) == 0
+    said = capsys.readouterr().err
+    assert "no touch lies in the lower half" in said
+    assert re.search(r"to the table: up \(from 3\d\d mm on\); check --table-z", said)
+    for right in (["--table-z", "0.29"], []):
+        assert cli.run([*arguments, *right]) == 0
+        assert "lower half" not in capsys.readouterr().err.replace("down (", "")
 
 
 def test_bodies_touched_on_one_side_or_hardly_at_all_are_named(
