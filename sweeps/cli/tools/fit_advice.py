@@ -58,7 +58,7 @@ def _high_up(sets: PointSets, found: SuperquadricFit, table_z_m: float) -> list[
     for index, name in enumerate(sets.names):
         height = sets.touches_m[sets.slots(index)][:, 2] - table_z_m
         if is_fitted(found.status[index]) and np.nanmin(height) > 0.5 * np.nanmax(height):
-            names.append(f"{name} (from {1e3 * np.nanmin(height):.2g} mm on)")
+            names.append(f"{name} (from {_mm(np.nanmin(height))} on)")
     return names
 
 
@@ -86,7 +86,7 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
         below = along.min() if table_z_m is None else 0.0
         beyond = max(height - along.max(), below)
         if beyond > END_SHARE * height:
-            ends.append(f"{name} ({1e3 * beyond:.2g} mm)")
+            ends.append(f"{name} ({_mm(beyond)})")
     if sides:
         notes.append(f"all touches lie on one side of the axis, which they tell badly: "
                      f"{named(sides)}")
@@ -120,9 +120,14 @@ def named(found: list[str]) -> str:
     return ", ".join(found[:MOST_NAMED]) + more
 
 
+def _mm(length_m: float) -> str:
+    """A length in millimetres, to two digits below 10 mm."""
+    return f"{1e3 * length_m:.0f} mm" if length_m >= 0.01 else f"{1e3 * length_m:.2g} mm"
+
+
 def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit) -> list[str]:
     """Sets that did not converge or whose touches lie far off, with their rms."""
-    return [f"{name} ({1e3 * rms:.2g} mm)" for name, rms, status in
+    return [f"{name} ({_mm(rms)})" for name, rms, status in
             zip(names, found.rms_m, found.status, strict=True)
             if status == FitStatus.not_converged or (
                 status == FitStatus.converged and rms > LARGE_RMS_M)]
