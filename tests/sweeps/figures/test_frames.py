@@ -22,7 +22,7 @@ from sweeps.figures.contacts import ContactsShown, _drawn
 from sweeps.figures.curves import _mean_end
 from sweeps.figures.heat_maps import draw_confusion
 from sweeps.figures.kinds import KINDS, Asked
-from sweeps.figures.pareto import draw_pareto
+from sweeps.figures.pareto import _bars, draw_pareto
 from sweeps.figures.style import COLUMN_IN, MARGIN, cut_to, framed, text_width_in, titled
 from sweeps.figures.taxels import PadTouch, TaxelsShown, taxels_shown
 from sweeps.figures.taxels import _drawn as taxels_drawn
@@ -212,3 +212,14 @@ def test_settings_above_their_strategys_mean_are_tinted_so(tmp_path: Path) -> No
         means = shown.reshape(off.shape) - off
         assert np.abs(off).max() > 0.2
         assert np.abs(means - means.mean(axis=1, keepdims=True)).max() < 0.06
+
+
+def test_bars_reach_from_the_lower_to_the_upper_end_of_intervals() -> None:
+    rng = np.random.default_rng(3)
+    cost, error = (Estimate(value, value - rng.uniform(0.1, 0.3, 4), value + rng.uniform(1, 2, 4))
+                   for value in rng.uniform(4.0, 6.0, (2, 4)))
+    found: Any = SimpleNamespace(cost=cost, error=error)
+    for name, of in (("xerr", cost), ("yerr", error)):
+        below, above = _bars(found, [3, 1])[name]
+        np.testing.assert_allclose(of.value[[3, 1]] - below, of.low[[3, 1]])
+        np.testing.assert_allclose(of.value[[3, 1]] + above, of.high[[3, 1]])

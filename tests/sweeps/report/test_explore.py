@@ -15,6 +15,7 @@ from strategies.ready_made import DEFAULT, STRATEGIES
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import verdicts_by_gap
 from sweeps.episode.episodes import run_block
+from sweeps.figures.contacts import contacts_shown
 from sweeps.report.episode_files import explore
 from sweeps.report.trust import choice_sentence, free_form_sentence, surface_near
 from sweeps.spec.cell import Cell
@@ -33,6 +34,10 @@ def test_a_model_that_contacts_agree_with_is_chosen_and_few_contacts_choose_noth
                     np.arange(1), "cpu")
     assert choice_sentence(few) == ("chosen: the given prior, since 8 contacts are needed for a "
                                     "free form")
+    shown = contacts_shown(few, "block")  # nothing was recovered that contacts could contradict
+    assert shown.prior
+    assert len(shown.points) > 0
+    assert shown.near.all()
 
 
 def test_explore_says_what_it_chose(
