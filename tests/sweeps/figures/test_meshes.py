@@ -1,5 +1,6 @@
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -82,7 +83,7 @@ def test_a_true_body_without_thin_walls_is_as_coarse_as_asked() -> None:
 def test_fits_are_drawn_as_large_as_they_are() -> None:
     axes = np.array([[[0.6, 0.8, 0.0], [-0.8, 0.6, 0.0]]])
     middle, extent = np.array([[0.1, 0.2, 0.3]]), np.array([[0.06, 0.04]])
-    plane = PlaneFit(**dict.fromkeys(names(PlaneFit)) | {
+    plane = PlaneFit(**without_values(PlaneFit) | {
         "centre_m": middle, "axes": axes, "extent_m": extent})
     face, = _faces(plane, 0)
     assert np.allclose(face.mean(0), middle[0])
@@ -90,7 +91,7 @@ def test_fits_are_drawn_as_large_as_they_are() -> None:
     assert np.allclose(sides, [0.04, 0.04, 0.06, 0.06])
     assert np.allclose(np.abs((face - middle[0]) @ axes[0].T), extent[0] / 2)
 
-    turned = RevolutionFit(**dict.fromkeys(names(RevolutionFit)) | {
+    turned = RevolutionFit(**without_values(RevolutionFit) | {
         "position_m": middle, "axis": np.array([[0.0, 0.6, 0.8]]), "height_m": np.array([0.1]),
         "radius_m": np.array([[0.04, 0.03, 0.01]])})
     arm = _faces(turned, 0).reshape(-1, 3) - middle[0]
@@ -106,7 +107,7 @@ def test_a_solid_shows_the_faces_and_contacts_on_its_near_side() -> None:
     faces, eye = np.asarray(box.triangles), np.array([0.6, 0.5, 0.4])
     points = 0.05 * np.concatenate([np.eye(3), -np.eye(3)])
     assert visible(points, faces, eye).tolist() == [True] * 3 + [False] * 3
-    axes = Figure().add_subplot(projection="3d")
+    axes: Any = Figure().add_subplot(projection="3d")
     draw_solid(axes, faces, eye)
     assert len(axes.collections[0].get_facecolor()) == 6
     assert lit(faces, "#ffffff", eye).max(1).argmax() in np.flatnonzero(box.face_normals @ eye > 0)
@@ -142,5 +143,5 @@ def test_the_angle_of_neighbours_is_not_that_of_faces_side_by_side() -> None:
     assert _neighbours(normals[:2]) is None
 
 
-def names(record: type) -> list[str]:
-    return [field.name for field in fields(record)]
+def without_values(record: type) -> dict[str, Any]:
+    return {field.name: None for field in fields(record)}
