@@ -319,7 +319,8 @@ def segment_pose(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, Rotation]:
 
 
 def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
-    """The arm's joints for a hand pose: the branch of the inverse that is nearest to `near`."""
+    """The arm's joints for a hand pose: those within the limits, of all branches of the inverse and
+    whole turns more or less, that are nearest to `near`; where none are within, the nearest."""
     flange = _retreated(hand_pose, cell.hand.mount_length_m)
     if is_floating(cell.arm):
         return floating_joints(flange[None])[0]
@@ -327,13 +328,14 @@ def _reach(cell: Cell, hand_pose: np.ndarray, near: np.ndarray) -> np.ndarray:
     if model is not None:
         found = nearest_joints(model, flange[None], near[None])[0]
         return found if np.isfinite(found).all() else near
-    branches = puma_inverse_batch(cell.arm, flange[None])[0]
-    branches = branches + 2 * np.pi * np.round((near - branches) / (2 * np.pi))
-    low, high = np.array(cell.arm.limit_low_rad), np.array(cell.arm.limit_high_rad)
-    far = np.abs(branches - near).max(axis=1)
-    far = np.where(((branches < low) | (branches > high)).any(axis=1), far + 100.0, far)
-    best = int(np.argmin(np.where(np.isfinite(far), far, np.inf)))
-    return branches[best] if np.isfinite(far[best]) else near
+    turns = puma_inverse_batch(cell.arm, flange[None])[0] + 2 * np.pi * np.arange(-1, 2)[
+        :, None, None]  # (turn, branch, joint)
+    far = np.abs(turns - near)
+    far += 100.0 * ((turns < cell.arm.limit_low_rad) | (turns > cell.arm.limit_high_rad))
+    far = np.where(np.isfinite(far), far, np.inf)
+    best = int(far.min(axis=0).max(axis=1).argmin())
+    turn = far[:, best].argmin(axis=0)
+    return turns[turn, best, np.arange(len(near))] if np.isfinite(far[:, best]).all() else near
 
 
 def _retreated(pose: np.ndarray, by_m: float) -> np.ndarray:

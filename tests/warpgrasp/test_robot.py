@@ -13,6 +13,7 @@ from warpgrasp.hands.hand_model import HandError
 from warpgrasp.mechanism.arm import serial_model
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 
 POSE = np.tile([0.45, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0], (2, 1))
@@ -101,6 +102,38 @@ def test_rehearsals_are_of_worlds_that_there_are() -> None:
                         (np.ones(2, bool), TypeError), ([0], TypeError)):
         with pytest.raises(kind, match="rows"):
             own.rehearsing(wrong)  # type: ignore[arg-type]
+
+
+def test_a_rehearsal_goes_on_where_its_worlds_are_noise_and_all() -> None:
+    own = robot(Truth(POSE))
+    asked: dict[str, Any] = {"direction": np.zeros((2, 3)), "interval_m": 0.0, "steps": 3,
+                             "finger": 1, "commands_rad": np.zeros((4, 4, 4))}
+    high = np.tile(HAND + [0.0, 0.0, 0.15, 0, 0, 0, 0], (2, 1))
+    own.guarded_line(np.arange(2), high, **asked)
+    own.guarded_line(np.ones(1, int), high[:1], **asked | {"direction": np.zeros((1, 3))})
+    commands, count = padded_commands(("curl40",))
+    first = own.rehearsing().grasp(high[:, None], np.ones((2, 1), bool), commands, count)
+    turned = own.rehearsing(np.array([1, 0]))
+    line, grasp = (turned.guarded_line(np.arange(2), high, **asked),
+                   turned.grasp(high[:, None], np.ones((2, 1), bool), commands, count))
+    felt = own.guarded_line(np.arange(2), high, **asked)
+    np.testing.assert_array_equal(line.q_rad[::-1], felt.q_rad)
+    np.testing.assert_array_equal(grasp.closing.q_rad[::-1], first.closing.q_rad)
+    assert (felt.q_rad[0] != felt.q_rad[1]).all()
+    assert own.line_count == 3
+
+
+@pytest.mark.parametrize(("room", "made"), [(1, 1), (8, 1), (9, 2), (16, 2), (17, 3)])
+def test_poses_are_left_out_once_all_closings_of_those_before_fill_the_room(
+        room: int, made: int) -> None:
+    """Each of three poses is closed at twice, by four fingers."""
+    poses = np.tile(HAND + [0.0, 0.0, 0.15, 0, 0, 0, 0], (2, 3, 1))
+    commands, count = padded_commands(("curl40", "curl25"))
+    found = robot(Truth(POSE)).grasp(poses, np.ones((2, 3), bool), commands, count,
+                                     np.array([room, 100]))
+    tried = (found.moves.status != ProbeStatus.NOT_TRIED).all(2)
+    np.testing.assert_array_equal(tried.sum(1), [made, 3])
+    np.testing.assert_array_equal(tried[0], np.arange(3) < made)
 
 
 def test_a_hand_or_arm_that_is_none_names_those_there_are() -> None:

@@ -2,6 +2,8 @@
 
 from collections import Counter
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -15,12 +17,14 @@ from sweeps.analysis.curves import Curves, curves_table, mean_curve, read_curves
 from sweeps.analysis.entries import Entry
 from sweeps.analysis.paired import Paired
 from sweeps.analysis.pareto import COST
+from sweeps.figures import taxels
 from sweeps.figures.contacts import ContactsShown, _drawn
+from sweeps.figures.curves import _mean_end
 from sweeps.figures.heat_maps import draw_confusion
 from sweeps.figures.kinds import KINDS, Asked
-from sweeps.figures.pareto import draw_pareto
-from sweeps.figures.style import COLUMN_IN, cut_to, text_width_in, titled
-from sweeps.figures.taxels import PadTouch, TaxelsShown
+from sweeps.figures.pareto import _bars, draw_pareto
+from sweeps.figures.style import COLUMN_IN, MARGIN, cut_to, framed, text_width_in, titled
+from sweeps.figures.taxels import PadTouch, TaxelsShown, taxels_shown
 from sweeps.figures.taxels import _drawn as taxels_drawn
 from sweeps.run.plan import Unit
 from sweeps.run.unit_file import Columns
@@ -121,6 +125,8 @@ def test_a_confusion_matrix_of_many_objects_is_readable(known: int, others: int)
     looks_right(drawn)
     axes, answers = drawn.axes[0], known + 1 + (others > 0)
     assert axes.get_xlim() == (-0.5, answers - 0.5)  # none of what nothing was taken for
+    share = np.asarray(axes.collections[0].get_array()).reshape(known + others, answers)
+    assert share.sum(axis=1) == pytest.approx(100.0)  # of the episodes with each object
     if answers > 13:
         assert f"{known + others + 2} {NO_ANSWER}" in axes.get_xlabel()
         assert axes.get_yticklabels()[2].get_text() == "3 small_cylinder"
@@ -168,3 +174,52 @@ def test_what_is_cut_is_said_below_the_ends(tmp_path: Path, last: float) -> None
     looks_right(drawn)
     below = drawn.axes[1].get_xlabel()
     assert below == ("at the end\n(95 % cut)" if np.isnan(last) else "at the end,\n95 % (cut)")
+
+
+def test_entries_end_where_their_episodes_do_in_the_mean_over_objects() -> None:
+    """However many episodes an object has; one that was never fitted ends nowhere."""
+    def steps(*ends: float) -> list:
+        return [(np.array([1.0, end]), None) for end in ends]
+
+    curves: Any = SimpleNamespace(steps={"touches": [
+        [steps(5.0, 9.0, np.nan)], [steps(3.0)], [steps(np.nan)]]})
+    assert _mean_end(curves, "touches", 0) == pytest.approx((7.0 + 3.0) / 2)
+
+
+def test_a_frame_is_cut_beyond_three_times_the_largest_mean_or_beyond_one() -> None:
+    low = np.array([0.1, 0.2])
+    assert framed(np.array([2.0, 4.0]), low, np.array([5.0, 11.9])) is None
+    assert framed(np.array([2.0, 4.0]), low, np.array([5.0, 90.0])) == pytest.approx(
+        (0.1 - MARGIN * 11.9, 12.0))
+    assert framed(np.array([0.1, 0.2]), low, np.array([0.5, 1.0])) is None  # a share's interval
+
+
+def test_the_touches_shown_are_the_strongest_in_their_order(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    sums = (3, 9, 1, 7, 5, 8)
+    touches = [PadTouch(n, 0, np.full((16, 16), level, np.uint8)) for n, level in enumerate(sums)]
+    monkeypatch.setattr(taxels, "pad_touches", lambda *given: touches)
+    shown = taxels_shown(cast(Any, None), PadTable(), "block").touches
+    assert [touch.number for touch in shown] == [1, 3, 4, 5]
+
+
+def test_settings_above_their_strategys_mean_are_tinted_so(tmp_path: Path) -> None:
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4, SWEPT))
+    *panels, _ = KINDS["settings"](Asked(plan, [store])).axes
+    for axes in panels:
+        shown = np.array([float(text.get_text()) for text in axes.texts])
+        off = np.asarray(axes.collections[0].get_array())
+        means = shown.reshape(off.shape) - off
+        assert np.abs(off).max() > 0.2
+        assert np.abs(means - means.mean(axis=1, keepdims=True)).max() < 0.06
+
+
+def test_bars_reach_from_the_lower_to_the_upper_end_of_intervals() -> None:
+    rng = np.random.default_rng(3)
+    cost, error = (Estimate(value, value - rng.uniform(0.1, 0.3, 4), value + rng.uniform(1, 2, 4))
+                   for value in rng.uniform(4.0, 6.0, (2, 4)))
+    found: Any = SimpleNamespace(cost=cost, error=error)
+    for name, of in (("xerr", cost), ("yerr", error)):
+        below, above = _bars(found, [3, 1])[name]
+        np.testing.assert_allclose(of.value[[3, 1]] - below, of.low[[3, 1]])
+        np.testing.assert_allclose(of.value[[3, 1]] + above, of.high[[3, 1]])

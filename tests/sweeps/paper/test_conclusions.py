@@ -46,6 +46,9 @@ def test_what_limits_says_so_only_of_objects_below() -> None:
     assert "not the contacts alone" in text
     assert "errors of the contacts are what limits" in said.what_limits(
         NAMES, [good] * 3, [good] * 3)
+    enough = np.full(16, said.SUFFICES)
+    assert "errors of the contacts are what limits" in said.what_limits(
+        NAMES, [enough] * 3, [good] * 3)
     worse = said.what_limits(NAMES, [poor, good, good], [0.8 * poor, good, good])
     assert "on 0 of these 1" in worse
     assert "not the contacts alone" not in worse
@@ -71,6 +74,8 @@ def test_other_sentences_have_the_numbers_of_their_data() -> None:
     assert "crossed): steps (6.3 deg at 1, 6 of 9)." in text
     assert "Nearly: slip (5.0 deg at 10 deg, 9 of 9)." in text
     assert "Not with: pads (0.4 deg, 8 of 9)." in text
+    less = said.what_makes_six([("pads", 4.7, "", "8 of 9")], 6.0)  # than 0.8 of it
+    assert less.endswith("none of the sources tried. Not with: pads (4.7 deg, 8 of 9).")
     assert "none of the sources tried" in said.what_makes_six([("pads", 0.4, "", "9 of 9")], 6.0)
 
 
@@ -85,6 +90,8 @@ def test_which_contour_is_judged_by_its_errors() -> None:
     assert "on 0 of 3 bottles." in paper
     assert "the volumes of the paper's contour are nearer" in paper
     assert "does not tell" in said.which_contour(NAMES, errors, errors, ways)
+    one_far_off = [np.append(e[1:], 1.0) for e in half]  # the median is as good
+    assert "on 3 of 3 bottles" in said.which_contour(NAMES, errors, one_far_off, ways)
 
 
 def test_an_upright_cylinder_has_eps1_small_and_eps2_one() -> None:

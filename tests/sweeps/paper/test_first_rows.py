@@ -1,6 +1,7 @@
 """The paper's first rows: Solina's residual on fingertips and nothing else, counted as it runs."""
 
 from collections import Counter
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from fit.superquadric import descent
 from fit.superquadric.residuals import FitData
 from strategies.recovery.fit_contacts import recover_bodies
-from sweeps.paper import recovery
+from sweeps.paper import convergence, recovery
 from sweeps.paper.contacts import (
     FINGERTIP,
     TRUE_LINK,
@@ -54,7 +55,8 @@ def counted(monkeypatch):
     return ran
 
 
-def test_first_rows_run_solinas_residual_and_nothing_else(counted) -> None:
+def test_first_rows_run_solinas_residual_and_nothing_else(
+        counted, monkeypatch: pytest.MonkeyPatch) -> None:
     episodes = 3
     ways, contacts = by_fingertip("wedge", np.arange(episodes))
     alone, rivalled = counted["residual solina, taper"], counted["residual solina, taper, rivals"]
@@ -67,6 +69,14 @@ def test_first_rows_run_solinas_residual_and_nothing_else(counted) -> None:
     assert rivalled["residual radial"] > 0
     assert not any(way.replaced.any() for way in ways if way.fit == PLAIN)
     assert any(way.replaced.any() for way in ways if way.fit == RIVALS)
+    first, = (w for w in ways if (w.contacts, w.fit) == (FINGERTIP, PLAIN))
+    np.testing.assert_array_equal(np.isnan(first.iterations),
+                                  first.evidence.mask.sum(1) < convergence.FEWEST)
+    # Where any cost is as good as the last, those of the screening are all that count.
+    monkeypatch.setattr(convergence, "SETTLED", np.inf)
+    monkeypatch.setattr(convergence, "_ITERATIONS", convergence._SCREENED + 1)
+    least, _ = convergence.iterations_of(first.evidence.points_m, first.evidence.mask)
+    assert set(least[np.isfinite(least)]) == {convergence._SCREENED}
 
 
 def test_what_is_switched_on_is_read_off_the_table() -> None:
@@ -88,6 +98,12 @@ def test_contacts_are_put_right_in_part() -> None:
     truth = block.truth.closings[0].point_m.reshape(told.shape)
     assert found.on_distal.any()
     assert found.on_other.any()
+    closing, = block.truth.closings
+    for name in ("on_table", "self_contact"):  # what is not the object's is not counted
+        all_so = replace(closing, **{name: np.ones_like(closing.on_table)})
+        elsewhere = replace(block, truth=replace(block.truth, closings=[all_so]))
+        none = contacts_of(elsewhere, cell.hand)
+        assert not (none.on_distal | none.on_other | none.placed[TRUE_POINTS].mask).any()
     np.testing.assert_array_equal(tip[found.on_distal], truth[found.on_distal])
     np.testing.assert_array_equal(tip[~found.on_distal], told[~found.on_distal])
     np.testing.assert_array_equal(link[~found.on_other], told[~found.on_other])

@@ -45,6 +45,7 @@ def test_a_row_of_stereo_says_what_is_switched_on() -> None:
     rows = stereo_rows(see_objects(1, chosen))
     assert rows == stereo_rows(see_objects(1, chosen))
     assert rows[0][0] == "no fault"
+    assert max(map(float, (rows[0][k] for k in (3, 6, 8, 10)))) < 5.0  # degrees and millimetres
     for word in ("pixel_noise", "missing_edges", "spurious_edges", "clutter", "flipped_pixels"):
         assert word in rows[1][0]
     assert len({view.switched_on for view in views()}) == len(views())

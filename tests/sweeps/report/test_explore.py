@@ -9,12 +9,13 @@ import pytest
 import trimesh
 
 from fit.implicit.record import TriangleMesh
-from fit.superquadric.geometry import Superquadric
+from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
 from strategies import exploration_record
 from strategies.ready_made import DEFAULT, STRATEGIES
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import verdicts_by_gap
 from sweeps.episode.episodes import run_block
+from sweeps.figures.contacts import contacts_shown
 from sweeps.report.episode_files import explore
 from sweeps.report.trust import choice_sentence, free_form_sentence, surface_near
 from sweeps.spec.cell import Cell
@@ -33,6 +34,10 @@ def test_a_model_that_contacts_agree_with_is_chosen_and_few_contacts_choose_noth
                     np.arange(1), "cpu")
     assert choice_sentence(few) == ("chosen: the given prior, since 8 contacts are needed for a "
                                     "free form")
+    shown = contacts_shown(few, "block")  # nothing was recovered that contacts could contradict
+    assert shown.prior
+    assert len(shown.points) > 0
+    assert shown.near.all()
 
 
 def test_explore_says_what_it_chose(
@@ -59,11 +64,25 @@ def test_the_note_of_a_row_is_said_and_files_of_an_earlier_episode_do_not_stay(
         explore(body_table={"name": "block"}, strategy=STRATEGIES["ring6"], seed=0, yaw_rad=yaw,
                 x_m=1.2, y_m=0.0, out=tmp_path, device="cpu", reconstruct="superquadric")
         assert (tmp_path / "recovered.ply").exists() == (yaw == 0.0)
-        note = json.loads((tmp_path / "shape.json").read_text())["note"]
+        record = json.loads((tmp_path / "shape.json").read_text())
+        assert record["true_pose"] == pytest.approx({"x_m": 1.2, "y_m": 0.0, "yaw_rad": yaw})
+        metrics = record["metrics"]  # of the prior: 95 % of distances are less than the larger
+        assert metrics["hausdorff95_mm"] > 1.1 * metrics["chamfer_mm"] > 0.0
+        note = record["note"]
         assert note.startswith("the arm reaches none of 6 poses, such as (")
         assert f"\n{note}\n" in capsys.readouterr().err
     assert (tmp_path / "mine.csv").exists()
     assert (tmp_path / "surfaces.png").exists()
+
+
+def test_as_much_of_a_surface_is_near_contacts_as_of_its_area() -> None:
+    """A block of 60 x 60 x 200 mm, its upper 80 mm touched all over: to 20 mm below these."""
+    body = superquadric([0.03, 0.03, 0.1], [0.1, 0.1], [0.45, 0.0, 0.1])
+    points = superquadric_surface(body, 4000)[0][0]
+    felt = points[points[:, 2] > 0.12]
+    share = surface_near(Recovered(np.array([Shape.SUPERQUADRIC]), body), felt)
+    top, rise = 0.06**2, 4 * 0.06
+    assert share == pytest.approx((top + rise * 0.1) / (top + rise * 0.194), abs=0.03)
 
 
 def test_a_body_too_low_to_be_told_from_the_table_is_not_said_to_be_unfelt() -> None:

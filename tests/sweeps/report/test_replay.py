@@ -11,7 +11,9 @@ import sys
 import time
 from dataclasses import replace
 from pathlib import Path
-from unittest.mock import patch
+from types import SimpleNamespace
+from typing import Any
+from unittest.mock import MagicMock, patch
 from urllib.request import urlopen
 
 import browser as browser_module
@@ -32,6 +34,8 @@ from sweeps.figures.replay_frames import (
     Frame,
     HandShape,
     Replay,
+    _reach,
+    _so_far,
     arm_points,
     make_replay,
     replay_of,
@@ -45,7 +49,7 @@ from warpgrasp.hand_capsules import capsules_of_hand
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.mechanism.arm import arm_home
-from warpgrasp.mechanism.puma560 import puma_forward_batch
+from warpgrasp.mechanism.puma560 import puma_forward_batch, puma_inverse_batch
 from warpgrasp.parameters import FLOATING, PUMA560, ArmTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
@@ -68,6 +72,31 @@ def test_arm_points_end_at_the_flange() -> None:
         assert apart.magnitude() < 1e-7
     reach = np.linalg.norm(np.diff(arm_points(ArmTable(), q[0], 0.1)[0], axis=0), axis=1)
     assert reach == pytest.approx([0.67183, 0.4318, np.hypot(0.15005, 0.0203), 0.4318, 0.1])
+
+
+def test_an_arm_is_drawn_within_its_limits_wherever_it_comes_from() -> None:
+    """Though a branch beyond them be nearer, or the same joints a whole turn on."""
+    arm, hand = ArmTable(), HandTable()
+    cell: Any = SimpleNamespace(arm=arm, hand=hand)
+    low, high = np.array(arm.limit_low_rad), np.array(arm.limit_high_rad)
+    beyond = 0
+    for q in np.random.default_rng(3).uniform(low, high, (12, 6)):
+        points, turn = arm_points(arm, q, hand.mount_length_m)
+        pose = np.array([*points[-1], *turn])
+        flange = np.array([*arm_points(arm, q, 0.0)[0][-1], *turn])
+        for near in puma_inverse_batch(arm, flange[None])[0]:
+            if not np.isfinite(near).all():
+                continue
+            found = _reach(cell, pose, near)
+            assert ((found >= low) & (found <= high)).all()
+            np.testing.assert_allclose(arm_points(arm, found, hand.mount_length_m)[0][-1],
+                                       points[-1], atol=1e-6)
+            beyond += int(((near < low) | (near > high)).any())
+    assert beyond > 0
+
+
+def test_slots_are_filled_probe_by_probe() -> None:
+    assert _so_far((3, 6)).tolist() == [[True] * n + [False] * (6 - n) for n in (2, 4, 6)]
 
 
 @pytest.mark.slow
@@ -166,6 +195,25 @@ def test_every_arm_is_drawn(name: str, tmp_path: Path) -> None:
     radii = [call.args[3] for call in drawn.call_args_list if call.args[1].startswith("/arm/")]
     assert len(radii) == len(places) - 1
     assert radii == sorted(radii, reverse=True)
+
+
+def test_a_frame_shows_the_contacts_and_the_estimate_made_so_far() -> None:
+    places, turn = arm_points(ArmTable(), arm_home(ArmTable()), 0.1)
+    frames = tuple(Frame(places, turn, np.zeros((1, 1, 2, 3)), np.zeros(1), contacts, estimate, "f")
+                   for contacts, estimate in ((0, -1), (2, 0), (3, 1)))
+    body = np.array([[0.4, 0, 0], [0.5, 0, 0], [0.5, 0.1, 0.1], [0.4, 0.1, 0.1]])
+    made = Replay("it", frames, np.zeros((3, 3)), (body.reshape(2, 2, 3),) * 2, body,
+                  np.array([[0, 1, 2, 3]]),
+                  HandShape(((0.01,),), np.zeros((1, 2, 3)), np.array([0.02])))
+    server = MagicMock()  # every handle is another object
+    for add in (server.scene.add_icosphere, server.scene.add_mesh_simple):
+        add.side_effect = lambda *given, **named: SimpleNamespace()
+    drawn = replay._Scene(server, made)
+    for number in (2, 0, 1):
+        drawn.show(number)
+        assert sum(handle.visible for handle in drawn.contacts) == frames[number].contacts
+        assert [handle.visible for handle in drawn.estimates] == [
+            n == frames[number].estimate for n in range(2)]
 
 
 def test_a_page_is_named_and_its_object_hides_no_estimate(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """The report: its markup, its numbers, and its behaviour in a headless Chromium."""
 
+import base64
 import html
 import re
 import subprocess
@@ -12,16 +13,19 @@ import pytest
 from browser import asked_for, browser, needs_browser, pixels, said
 from curved_episodes import wide_study, wide_text
 from quick_views import drawn_views
+from scipy.spatial.transform import Rotation
 
 import sweeps.report.page
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import MORE, make_leaderboard
+from sweeps.analysis.objects import ALSO
 from sweeps.analysis.paired import read_paired
 from sweeps.analysis.pairs import pairs_table
 from sweeps.cli import main as cli
 from sweeps.report.html import source_hash
 from sweeps.report.page import make_report
-from sweeps.report.views import make_views, pick_episodes, pick_objects
+from sweeps.report.sections import _heat, objects_section
+from sweeps.report.views import UNIT_M, episode_data, make_views, pick_episodes, pick_objects
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 
@@ -141,6 +145,29 @@ def test_each_object_has_its_median_episode_by_the_strategy_best_there(
     for pick in picked:
         name = study[0].study.objects[pick.episode.body].name
         assert pick.chamfer_mm == min(medians[name])
+
+
+def test_tints_go_from_the_best_to_the_worst_of_each_object(study: tuple[Plan, Store]) -> None:
+    assert _heat(np.array([[1.0, 10.0, 3.0], [2.0, 30.0, 3.0], [np.nan, 20.0, 3.0]])) == [
+        ["heat0", "heat0", "heat0"], ["heat4", "heat4", "heat0"], ["", "heat2", "heat0"]]
+    paired = read_paired(study[0], [study[1]], ["chamfer_mm", *ALSO])
+    page = objects_section(paired)
+    for values in paired.values["chamfer_mm"]:
+        for n in range(len(paired.labels)):
+            assert f">{np.median(values[:, n]):.2f}<" in page
+
+
+def test_what_a_page_shows_stands_in_the_frame_of_the_true_body() -> None:
+    rng = np.random.default_rng(7)
+    grid, felt = rng.uniform(-0.1, 0.1, (4, 5, 3)), rng.uniform(-0.1, 0.1, (6, 3))
+    turn = Rotation.from_rotvec([0.0, 0.0, 0.8])
+    data = episode_data(turn.apply(grid.reshape(-1, 3)).reshape(grid.shape) + [0.45, 0.1, 0.0],
+                        np.array([0.45, 0.1, 0.0, *turn.as_quat()]),
+                        turn.apply(felt) + [0.45, 0.1, 0.0])
+    for name, places in (("grid", grid), ("contacts", felt)):
+        packed = np.frombuffer(base64.b64decode(data[name]), "<i2").reshape(-1, 3)
+        np.testing.assert_allclose(packed * UNIT_M, places.reshape(-1, 3), atol=0.51 * UNIT_M)
+    assert (data["rows"], data["columns"]) == (4, 5)
 
 
 def test_a_study_without_units(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

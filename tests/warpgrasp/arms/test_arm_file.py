@@ -15,7 +15,7 @@ from warpgrasp.arms.arm_file import (
     arm_text,
     check_arm,
 )
-from warpgrasp.arms.arm_model import ArmError
+from warpgrasp.arms.arm_model import ArmError, ArmModel
 from warpgrasp.arms.serial_arm import flange_poses
 from warpgrasp.arms.urdf_arm import arm_from_urdf
 from warpgrasp.export.robot_tree import arm_hand_tree
@@ -195,3 +195,25 @@ def test_a_link_that_stands_straight_up_is_read_without_a_warning(pitch: float,
     found = arm_from_urdf(file, flange="l6")[0].joints[1].rpy_rad
     turns = Rotation.from_euler("xyz", [found, (0.4, pitch, -0.7)]).as_matrix()
     assert turns[0] == pytest.approx(turns[1], abs=1e-9)
+
+
+def test_home_is_in_the_middle_of_the_limits_or_of_more_than_a_turn_near_zero(
+        tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    for upper, home in ((2.0, 0.5), (6.0, 0.0)):
+        (tmp_path / "arm.urdf").write_text(chain(6).replace('upper="2"', f'upper="{upper}"'))
+        assert arm_from_urdf(tmp_path / "arm.urdf")[0].home_rad == pytest.approx([home] * 6)
+
+
+def test_an_axis_is_a_direction_of_any_length() -> None:
+    model = arm_named("ur5e")
+    axis = np.array([0.6, 0.48, 0.64])
+
+    def turned(factor: float) -> ArmModel:
+        x, y, z = (factor * axis).tolist()
+        return check_arm("a", replace(model, joints=tuple(
+            replace(joint, axis=(x, y, z)) for joint in model.joints)))
+
+    for joint, other in zip(turned(1.0).joints, turned(3.0).joints, strict=True):
+        assert other.axis == pytest.approx(joint.axis)
+        assert other.axis == pytest.approx(tuple(axis))

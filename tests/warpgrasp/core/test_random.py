@@ -37,6 +37,11 @@ def test_kernel_and_host_draw_the_same() -> None:
     assert np.array_equal(falls.numpy(), normal.numpy() < 0.0)
 
 
+def test_no_two_purposes_share_a_stream() -> None:
+    names = random.Purpose.__members__
+    assert len({int(purpose) for purpose in names.values()}) == len(names)
+
+
 def test_streams_are_even_and_uncorrelated() -> None:
     keys = random.counter_key(1, np.arange(200)[:, None], np.arange(500)[None])
     u = random.counter_uniform(keys)

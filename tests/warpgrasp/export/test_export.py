@@ -2,19 +2,22 @@
 
 import xml.etree.ElementTree as ET
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from fit.superquadric.geometry import superquadric, superquadric_volume
 from warpgrasp.export.convex_solids import convex_runs, object_solids
 from warpgrasp.export.mjcf import mjcf_text
-from warpgrasp.export.robot_tree import FINGERS, Link, arm_hand_tree, hand_tree
+from warpgrasp.export.robot_tree import FINGERS, STILL, Link, arm_hand_tree, hand_tree
 from warpgrasp.export.urdf import urdf_text
 from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
 from warpgrasp.geometry.scene import Join, Shape
+from warpgrasp.hands.hand_model import Box, Capsule
 from warpgrasp.mechanism.arm_motion import arm_hand_links
 from warpgrasp.mechanism.utah_mit_hand import hand_links
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -137,6 +140,75 @@ def test_solids_fill_the_body(name: str) -> None:
                          solid.vertices[solid.faces[:, 2]] - solid.vertices[solid.faces[:, 0]])
         outward = solid.vertices[solid.faces].mean(1) - solid.vertices.mean(0)
         assert ((edges * outward).sum(1) > -1e-15).all()
+
+
+@pytest.mark.parametrize(("shape", "size", "tall_mm", "volume_mm3"), [
+    ("block", {"size_mm": [60, 40, 20]}, 20, 60 * 40 * 20),
+    ("cylinder", {"radius_mm": 20, "height_mm": 50}, 50, np.pi * 400 * 50),
+    ("capsule", {"radius_mm": 10, "height_mm": 60}, 60, np.pi * 100 * (40 + 40 / 3)),
+    ("sphere", {"radius_mm": 15}, 30, 4 / 3 * np.pi * 15**3)])
+def test_mujoco_takes_simple_solids_as_large_as_they_are(
+        shape: str, size: dict, tall_mm: float, volume_mm3: float) -> None:
+    mujoco = pytest.importorskip("mujoco")
+    body = body_from_table({"name": "it", "compound": [{"shape": shape, **size}]}, Path())
+    model = mujoco.MjModel.from_xml_string(mjcf_text((), object_solids(body)))
+    assert model.body("object").mass.item() == pytest.approx(1e-6 * volume_mm3)
+    assert model.body("object").ipos == pytest.approx([0.0, 0.0, tall_mm / 2e3], abs=1e-4)
+
+
+def test_rings_lie_half_inside_and_half_outside_the_circle() -> None:
+    part = Part(Shape.REVOLUTION, profile_m=np.array([[0.0, 0.03], [0.1, 0.03]]))
+    solid, = object_solids(Body("tube", (part,), (-0.03, -0.03, 0.0), (0.03, 0.03, 0.1)))
+    ring = solid.vertices[solid.vertices[:, 2] == 0.0][:, :2]
+    ring = ring[np.argsort(np.arctan2(ring[:, 1], ring[:, 0]))]
+    corner, side = (np.linalg.norm(at, axis=1) for at in (ring, (ring + np.roll(ring, 1, 0)) / 2))
+    assert corner.mean() - 0.03 == pytest.approx(0.03 - side.mean(), rel=1e-3)
+    assert np.ptp(side) < 1e-8
+
+
+@pytest.mark.parametrize("wrap_deg", [30.0, 80.0])
+def test_the_box_of_a_pad_over_a_fingertip_ends_where_the_pad_does(wrap_deg: float) -> None:
+    pads = replace(PADS, wrap_rad=np.radians(wrap_deg))
+    site, = next(link.pads for link in hand_tree(HAND, pads) if link.name == "index_distal")
+    radius, length = HAND.link_radius_m + pads.thickness_m, HAND.link_length_m[2]
+    along = np.linspace(0.0, pads.length_m, 1000)  # its face: straight, then about the tip
+    bent = np.maximum(along - (pads.length_m - radius * pads.wrap_rad), 0.0) / radius
+    straight = length - (pads.length_m - radius * pads.wrap_rad)
+    z = np.minimum(straight + along, length) + radius * np.sin(bent)
+    ends = site.centre[2] + np.array([-0.5, 0.5]) * site.size[2]
+    assert ends == pytest.approx([z.min(), z.max()], abs=1e-9)
+
+
+def test_inertia_is_that_of_solid_capsules_and_boxes() -> None:
+    """By the polyhedra of their surfaces, alone and together, which do not overlap."""
+    rod = Capsule((0.01, 0.0, 0.02), (0.01, 0.03, 0.05), 0.012)
+    ball = Capsule((-0.05, 0.0, 0.0), (-0.05, 0.0, 0.0), 0.01)
+    box = Box((0.0, -0.06, 0.01, *Rotation.from_rotvec([0.3, 0.5, -0.2]).as_quat()),
+              (0.02, 0.03, 0.05))
+    meshes = []
+    for c in (rod, ball):
+        along = np.subtract(c.end, c.start)
+        mesh = trimesh.creation.capsule(float(np.linalg.norm(along)), c.radius, count=(96, 96))
+        turn = trimesh.geometry.align_vectors([0, 0, 1], along) if along.any() else np.eye(4)
+        meshes.append(mesh.apply_transform(turn).apply_translation(np.add(c.start, c.end) / 2))
+    frame = np.eye(4)
+    frame[:3, :3], frame[:3, 3] = Rotation.from_quat(box.place[3:]).as_matrix(), box.place[:3]
+    meshes.append(trimesh.creation.box(box.size, frame))
+    for capsules, boxes, mesh in (((rod,), (), meshes[0]), ((), (box,), meshes[2]),
+                                  ((rod, ball), (box,), trimesh.util.concatenate(meshes))):
+        mesh.density = 1000.0
+        text, _ = urdf_text([Link("a", "", STILL, capsules=capsules, boxes=boxes)])
+        inertial = ET.fromstring(text).find("link[@name='a']/inertial")
+        assert inertial is not None
+        numbers = {key: value for part in inertial for key, value in part.attrib.items()}
+        assert float(numbers["value"]) == pytest.approx(mesh.mass, rel=3e-3)
+        assert [float(v) for v in numbers["xyz"].split()] == pytest.approx(
+            mesh.center_mass, abs=1e-4)
+        x, y, z = np.eye(3, dtype=int)
+        for name, one, other in (("ixx", x, x), ("iyy", y, y), ("izz", z, z), ("ixy", x, y),
+                                 ("ixz", x, z), ("iyz", y, z)):
+            assert float(numbers[name]) == pytest.approx(
+                one @ mesh.moment_inertia @ other, rel=6e-3, abs=1e-3 * mesh.moment_inertia.max())
 
 
 def test_convex_runs_meet_and_are_convex() -> None:

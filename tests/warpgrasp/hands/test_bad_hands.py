@@ -244,6 +244,9 @@ def change(old: str, new: str) -> Callable[[str], str]:
      r"finger index: its tip stands 5 m \(5,000 mm\) from joint joint_3.0; should be at most 0."),
     (change(r"^tip_mm = .*", "tip_mm = [0, 0, 150]"),
      "finger index: its tip is 111 mm off the shapes of its last link; should be at most 50 mm"),
+    (lambda whole: change(r"^tip_mm = .*", "tip_mm = [0, 0, 80]")(
+        change("^capsule_mm = .*\nradius_mm = .*", "box_mm = [40, 40, 40]")(whole)),
+     "finger index: its tip is 60 mm off the shapes of its last link; should be at most 50 mm"),
     (change(r"^tip_mm = .*", "tip_mm = [0, 0, 0.0387]"),
      "finger index: its tip lies on its last joint joint_3.0, 0.0387 mm from it"),
     (change("^box_mm = .*", "box_mm = [0.04, 0.1, 0.1]"),
@@ -341,6 +344,8 @@ def test_a_capsule_may_be_said_by_links_that_are_one_body(tmp_path: Path) -> Non
     file.write_text(robot([*GOOD[:2], link("b", rod), *GOOD[3:], link("c"), link("d"),
                            joint("f", "b", "c", kind="fixed", at="0 0 0.02"),
                            joint("g", "c", "d", kind="fixed", at="0 0 -0.04")]))
+    file.with_name("thick.urdf").write_text(file.read_text().replace('"0.01" len', '"0.012" len'))
+    assert len(hand_from_urdf(file.with_name("thick.urdf"))[0].joints[-1].shapes) == 3
     found, = hand_from_urdf(file)[0].joints[-1].shapes
     assert isinstance(found, Capsule)
     assert (found.radius, found.fit_error_m) == (0.01, 0.0)

@@ -11,6 +11,7 @@ from warpgrasp.hands.hand_frames import finger_tips, link_frames, matrix_of, pos
 from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, farthest_point, with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
+    Box,
     Capsule,
     Finger,
     Follow,
@@ -82,6 +83,25 @@ def test_a_thumb_is_turned_against_the_fingers() -> None:
     axes = [frames[0, -1, :3, :3] @ ACROSS for frames in
             link_frames(model, posture_angles(model, model.posture("open"))[None])]
     assert axes[-1] @ axes[0] < -0.95
+    frame = matrix_of(model.grasp_frame)
+    assert frame[:3, 3] == pytest.approx(0.0, abs=1e-9)  # between the bases of fingers and thumb
+    assert frame[0, 0] > 0.0
+
+
+def test_a_thumb_that_can_stand_against_the_fingers_in_two_ways_turns_the_shorter_one() -> None:
+    fingers = [finger(name, -0.05, (ACROSS, ACROSS), ((0.0, 1.0),) * 2) for name in "ab"]
+    for sign in (1.0, -1.0):
+        limits = sorted((-1.5 * np.pi * sign, 0.5 * np.pi * sign))  # a whole turn apart
+        model = guessed(*fingers, finger("thumb", 0.05, (UP, ACROSS),
+                                         ((limits[0], limits[1]), (0.0, 1.0)), sign * np.pi / 2))
+        assert angles(model, "open")["thumb0"] == pytest.approx(sign * np.pi / 2)
+
+
+def test_a_joint_whose_axis_points_the_other_way_bends_its_finger_too() -> None:
+    back = (0.0, -1.0, 0.0)
+    model = guessed(*(finger(name, x, (ACROSS, back), ((0.0, 1.0), (-1.0, 0.0)))
+                      for name, x in (("a", 0.0), ("b", 0.02))))
+    assert model.closings[0].moves == ("a0", "a1", "b0", "b1")
 
 
 def test_the_tip_of_a_link_about_its_joint_is_where_the_finger_leads() -> None:
@@ -97,6 +117,8 @@ def test_the_tip_of_a_link_about_its_joint_is_where_the_finger_leads() -> None:
     assert np.linalg.norm(farthest_point((ball,), np.zeros(3))) == pytest.approx(0.01)
     ahead = Capsule((0.0, 0.0, 0.0), (0.0, 0.04, 0.0), 0.008)  # whatever leads there
     assert farthest_point((ahead,), np.array([0.0, 0.0, -1.0])) == pytest.approx((0, 0.048, 0))
+    box = Box((0.0, 0.0, 0.02, *STILL[3:]), (0.03, 0.02, 0.04))  # its corners lie farther off
+    assert farthest_point((box,), np.zeros(3)) == pytest.approx((0, 0, 0.04))
 
 
 @pytest.mark.parametrize("coupled", [False, True])

@@ -5,15 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial.transform import Rotation
 
 from sweeps.cli import main as cli
-from warpgrasp.hands.capsule_fit import skin_notes
+from warpgrasp.hands.capsule_fit import capsule_of_cylinder, skin_notes
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape, vector_of
 from warpgrasp.hands.hand_writer import hand_text
-from warpgrasp.hands.touch_shapes import bulk_of, touch_model
+from warpgrasp.hands.touch_shapes import bulk_of, palmar_directions, touch_model
 
 
 def box(at: tuple[float, float, float], size: tuple[float, float, float], turn_y: float = 0.0
@@ -85,6 +86,51 @@ def test_a_link_in_another_frame_weighs_as_much(name: str) -> None:
     assert row == pytest.approx(np.pi * 0.006**2 * (0.048 + 4 / 3 * 0.006), rel=6e-3)
 
 
+def test_a_capsule_and_boxes_weigh_what_their_hulls_do() -> None:
+    """A capsule has a formula of its own, which its hull agrees with."""
+    alone, within = bulk_of((ROD,)), bulk_of((ROD, ball((0.0, 0.0, 0.015), 0.004)))
+    assert alone.volume_m3 == pytest.approx(within.volume_m3, rel=0.01)
+    assert alone.centre_m == pytest.approx(within.centre_m, abs=1e-5)
+    ends = box((0.0, 0.0, 0.0), (0.03, 0.02, 0.01)), box((0.01, 0.0, 0.05), (0.006, 0.004, 0.002))
+    corners = np.concatenate([
+        trimesh.creation.box(b.size).vertices + b.place[:3] for b in ends])
+    hull = trimesh.convex.convex_hull(corners)
+    assert bulk_of(ends).volume_m3 == pytest.approx(hull.volume)
+    assert bulk_of(ends).centre_m == pytest.approx(tuple(hull.center_mass))
+
+
+def test_a_capsule_closes_across_its_axis_towards_where_it_moves() -> None:
+    moved, along = np.random.default_rng(3).normal(size=(2, 40, 3))
+    moved[::4], along[::8] = 3.0 * along[::4], 0.0  # moves along its axis; is a ball
+    found = palmar_directions(moved, along)
+    assert np.linalg.norm(found, axis=1) == pytest.approx(1.0)
+    assert (found * along).sum(1) == pytest.approx(0.0, abs=1e-12)
+    aside = np.arange(40) % 4 > 0
+    normal = np.cross(moved, along)[aside]  # of the plane of motion and axis
+    assert (found[aside] * normal).sum(1) == pytest.approx(0.0, abs=1e-12)
+    assert ((found * moved).sum(1)[aside] > 0.0).all()
+
+
+@pytest.mark.parametrize(("radius", "length"), [(0.01, 0.012), (0.01, 0.03), (0.005, 0.06)])
+def test_the_capsule_of_a_cylinder_is_nearest_to_its_surface_in_the_mean(
+        radius: float, length: float) -> None:
+    """By points spread evenly over it; its rim is farthest off, or as far as an end's middle."""
+    mesh = trimesh.creation.cylinder(radius, length, sections=256)
+    points = trimesh.sample.sample_surface(mesh, 100_000, seed=1)[0]
+    off, up = np.hypot(points[:, 0], points[:, 1]), np.abs(points[:, 2])
+
+    def square(half: float, thick: float) -> float:
+        return float(((np.hypot(off, np.maximum(up - half, 0.0)) - thick) ** 2).mean())
+
+    half, thick, error = capsule_of_cylinder(radius, length)
+    for change in (-3e-4, 3e-4):
+        assert square(half, thick) <= square(max(half + change, 0.0), thick)
+        assert square(half, thick) < square(half, thick + change / 3)
+    rim, middle = np.hypot(radius, length / 2 - half), length / 2 - half
+    assert error == pytest.approx(max(rim - thick, abs(middle - thick), abs(radius - thick)),
+                                  abs=1e-9)
+
+
 def test_balls_in_a_row_are_one_capsule() -> None:
     found, = skin(tuple(moved(s, matrix_of((0.0, 0.0, 0.0, 0.0, 0.3, 0.0, 0.91**0.5)))
                         for s in LINKS["five balls in a row"]))[:, 6]
@@ -105,6 +151,12 @@ def test_what_a_skin_is_off_and_its_slits_are_said(tmp_path: Path,
                     "what is narrower passes through")
     assert off.startswith(f"{where}its skin of capsules lies off its shapes by at most ")
     assert not skin_notes(hand_named("utah_mit"))
+    apart = skin_notes(replace(model, fingers=(replace(model.fingers[0], joints=(
+        replace(model.fingers[0].joints[0], shapes=(
+            box((0.0, 0.0, 0.005), (0.01,) * 3), box((0.0, 0.0, 0.055), (0.01,) * 3))),
+        *model.fingers[0].joints[1:])), *model.fingers[1:])))[0]
+    # The skin fills the gap of 40 mm between boxes; its middle is off both by nearly half of it.
+    assert float(apart.split("at most ")[1].split()[0]) == pytest.approx(20.0, abs=1.0)
     file = tmp_path / "hand.toml"
     file.write_text(hand_text(hand_named("leap")))
     assert cli.run(["hand", str(file), "-o", str(file)]) == 0

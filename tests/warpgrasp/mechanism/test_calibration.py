@@ -1,6 +1,7 @@
 """The robot that is, beside the robot that is believed."""
 
 from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from warpgrasp.mechanism.calibration import (
     draw_calibration,
     no_errors,
     place_variance,
+    true_hands,
 )
 from warpgrasp.mechanism.puma560 import puma_forward_batch, puma_inverse_batch
 from warpgrasp.objects.catalogue import body_from_name
@@ -67,6 +69,26 @@ def test_errors_have_the_deviations_asked_for_and_are_an_episodes_own() -> None:
         if f.name == "askew_limit":
             continue
         np.testing.assert_array_equal(getattr(alone, f.name)[0], getattr(drawn, f.name)[7])
+
+
+def test_no_two_errors_are_drawn_from_the_same_numbers() -> None:
+    drawn = draw_calibration(ErrorTable(), KEY)
+    each = [getattr(drawn, f.name) for f in fields(Calibration) if f.name != "askew_limit"]
+    columns = np.concatenate([values.reshape(len(KEY), -1) for values in each], 1)
+    apart = np.delete(columns, columns.std(0) < 1e-6, axis=1)
+    related = np.corrcoef(apart.T) - np.eye(apart.shape[1])
+    assert np.abs(related).max() < 0.1  # by chance one in 63
+
+
+def test_a_joint_stops_where_its_sensor_reads_its_limit() -> None:
+    hand, contact = HandTable(), ContactTable()
+    errors = draw_calibration(ErrorTable(joint_offset_rad=0.02), KEY[:5])
+    rows: list[Any] = [true_hands(hand, contact, each, "cpu").numpy()
+                       for each in (errors, no_errors())]
+    for stop in ("low", "high"):
+        true, believed = (each[stop] for each in rows)
+        np.testing.assert_allclose(true + errors.joint_offset_rad,
+                                   np.broadcast_to(believed, true.shape), atol=1e-12)
 
 
 def test_no_errors_are_none() -> None:

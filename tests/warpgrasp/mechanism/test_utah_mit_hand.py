@@ -4,16 +4,41 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.mechanism.tendon import may_stop_free
 from warpgrasp.mechanism.utah_mit_hand import hand_links, hand_of
-from warpgrasp.parameters import HandTable
+from warpgrasp.mechanism.utah_mit_weight import link_weights
+from warpgrasp.parameters import HandTable, SensorTable
 
 HAND = HandTable()
 HOME = np.array([[0, 0, 0, 0, 0, 0, 1.0]])
 angles = st.lists(st.floats(-1.5, 1.5), min_size=16, max_size=16)
+
+
+def test_links_weigh_as_solid_capsules() -> None:
+    hand = replace(HAND, link_length_m=(0.05, 0.03, 0.01))
+    shapes = [trimesh.creation.capsule(length, hand.link_radius_m, count=(64, 64))
+              for length in hand.link_length_m]
+    wanted = [hand.link_density_kg_m3 * 9.81 * shape.volume for shape in shapes]
+    np.testing.assert_allclose(link_weights(hand), wanted, rtol=0.01)
+
+
+@pytest.mark.parametrize(("changed", "pull_N"), [
+    ({"tension_step_N": 0.5}, 0.0), ({"tension_noise_N": 0.2}, 0.0), ({}, 0.7), ({}, 40.0)])
+def test_free_fingers_may_stop_where_all_that_tendons_read_passes_the_threshold(
+        changed: dict[str, float], pull_N: float) -> None:
+    """Friction of both tendons, the links' pull, a step of the converter, and noise."""
+    quiet = SensorTable(tension_step_N=0.0, tension_noise_N=0.0)
+    friction = HAND.tendon_friction * max(2 * HAND.co_contraction_N,
+                                          2 * HAND.tension_low_N + pull_N)
+    steps = changed.get("tension_step_N", 0.0) + 8.5 * changed.get("tension_noise_N", 0.0)
+    for off, may in ((-1e-6, True), (1e-6, False)):
+        sensor = replace(quiet, **changed, tendon_threshold_N=friction + pull_N + steps + off)
+        assert may_stop_free(HAND, sensor, np.array([pull_N])).tolist() == [may]
 
 
 def test_straight_fingers_point_along_the_approach() -> None:

@@ -26,6 +26,23 @@ def test_a_superquadrics_size_is_half_its_extent() -> None:
     assert np.allclose(np.subtract(egg.high_m, egg.low_m), (0.06, 0.06, 0.08))
 
 
+def test_a_tapered_superquadric_is_as_wide_as_its_wider_end() -> None:
+    up = np.linspace(0.0, np.pi / 2, 100_000)  # of which the edge is round
+    wide = 0.06 * (np.cos(up) ** 0.1 * (1.0 + 0.5 * np.sin(up) ** 0.1)).max()
+    for taper in ([0.5, -0.5], [-0.5, 0.5]):
+        table = {"name": "egg", "superquadric": {**EGG, "exponents": [0.1, 0.1], "taper": taper}}
+        egg = body_from_table(table, Path())
+        assert np.allclose(np.subtract(egg.high_m, egg.low_m), (wide, wide, 0.08), atol=1e-4)
+
+
+@pytest.mark.parametrize("size_mm", [[40, 20, 20], [20, 40, 20], [20, 20, 40]])
+def test_a_bend_does_not_fold_the_longest_side(size_mm: list[int]) -> None:
+    folded = {"name": "egg", "superquadric": {
+        "size_mm": size_mm, "exponents": [1, 1], "bend_per_m": 25.0}}
+    with pytest.raises(BodyError, match=r"bend_per_m = 25 folds the body over; below 25 is right"):
+        body_from_table(folded, Path())
+
+
 def test_a_capsule_holds_its_round_ends() -> None:
     pill = {"shape": "capsule", "radius_mm": 40, "height_mm": 50}
     with pytest.raises(BodyError, match=r"compound\[0\]: capsule: height_mm = 50 .* 80 or more"):

@@ -8,7 +8,7 @@ import pytest
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_table
 from warpgrasp.objects.catalogue_names import FAMILY_NAMES, HELD_OUT, PUBLIC
-from warpgrasp.objects.families import FAMILIES, family_table
+from warpgrasp.objects.families import FAMILIES, Draw, family_table
 
 QUICK = ("hammer",)  # a mug and a bowl are hollow, below
 
@@ -40,6 +40,12 @@ def test_names_give_the_same_object_and_others_give_none() -> None:
     for name in ("mug", "mug-", "mug-2000", "cup-1", "mug-1.5", "mug--1", "mug-1\u0661"):
         assert family_table(name) is None
     assert PUBLIC <= HELD_OUT
+
+
+def test_each_of_several_choices_is_drawn_as_often() -> None:
+    drawn = [Draw("toy", seed).one_of(("a", "b", "c", "d")) for seed in range(1000)]
+    for choice in "abcd":
+        assert drawn.count(choice) == pytest.approx(250, abs=70)  # five deviations
 
 
 def test_mugs_and_bowls_are_hollow() -> None:

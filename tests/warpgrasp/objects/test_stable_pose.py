@@ -11,7 +11,7 @@ from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_o
 from warpgrasp.geometry.body_sampling import sample_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.families import family_table
-from warpgrasp.objects.stable_pose import body_in_stable_pose, stable_poses
+from warpgrasp.objects.stable_pose import _turned_up, body_in_stable_pose, stable_poses
 
 
 def body_of(name: str) -> Body:
@@ -39,6 +39,15 @@ def test_every_pose_is_at_rest(name: str) -> None:
         on = sample.surface_m[sample.surface_m[:, 2] < 2.5e-3, :2]
         middle = sample.inside_m.mean(0)[:2]
         assert Delaunay(on[ConvexHull(on).vertices]).find_simplex(middle) >= 0, (name, number)
+
+
+def test_a_turn_sets_its_direction_upright_the_shortest_way() -> None:
+    ups = np.random.default_rng(5).normal(size=(40, 3))
+    ups /= np.linalg.norm(ups, axis=1, keepdims=True)
+    for up in (*ups, *np.eye(3), *-np.eye(3)):
+        turn = Rotation.from_quat(_turned_up(up))
+        assert turn.apply(up) == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+        assert turn.magnitude() == pytest.approx(np.arccos(np.clip(up[2], -1.0, 1.0)), abs=1e-6)
 
 
 def test_boxes_lie_on_their_larger_faces_more_often() -> None:

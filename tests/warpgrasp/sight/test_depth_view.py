@@ -12,7 +12,7 @@ from warpgrasp.core.random import counter_key
 from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import StereoTable
-from warpgrasp.sight.depth_view import MATCHED, DepthView, seen_depths
+from warpgrasp.sight.depth_view import MATCHED, PATCH, DepthView, seen_depths
 from warpgrasp.sight.silhouette import depths, silhouettes, stereo_cameras
 
 WORLDS = 6
@@ -82,6 +82,13 @@ def test_as_much_is_missing_as_asked_for() -> None:
     view = seen("block", StereoTable(missing_depth=0.3))
     assert np.isnan(view.depth_m).mean() == pytest.approx(0.3, abs=0.07)  # of 384 patches
     assert not np.array_equal(np.isnan(view.depth_m[0]), np.isnan(view.depth_m[1]))
+    missing = np.isnan(view.depth_m)
+    worlds, side, _ = missing.shape
+    patches = missing.reshape(worlds, side // PATCH, PATCH, side // PATCH, PATCH)
+    share = patches.mean((2, 4))
+    assert set(np.unique(share)) == {0.0, 1.0}  # together
+    assert np.corrcoef(share[..., 1:].ravel(), share[..., :-1].ravel())[0, 1] < 0.25
+    assert np.corrcoef(share[:, 1:].ravel(), share[:, :-1].ravel())[0, 1] < 0.25
 
 
 def test_a_batch_may_be_empty_and_poses_are_checked() -> None:

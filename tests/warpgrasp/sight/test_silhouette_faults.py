@@ -6,6 +6,10 @@ import pytest
 from warpgrasp.core.random import counter_key
 from warpgrasp.parameters import StereoTable
 from warpgrasp.sight.silhouette_faults import (
+    CLUTTER_HEIGHT,
+    CLUTTER_WIDTH,
+    LINE_LENGTH,
+    LINE_WIDTH,
     faulty_silhouettes,
     object_regions,
     silhouette_edges,
@@ -55,6 +59,24 @@ def test_clutter_adds_and_lines_cut() -> None:
     assert (lined & ~seen).any()
 
 
+def test_things_and_lines_are_as_large_as_their_shares_of_the_width() -> None:
+    """In empty images each is alone; what is cut at the border may be smaller."""
+    key = counter_key(9, np.arange(100))
+    empty = np.zeros((100, 2, PIXELS, PIXELS), bool)
+    for table, height, width in (
+            (StereoTable(clutter=1), CLUTTER_HEIGHT, CLUTTER_WIDTH),
+            (StereoTable(spurious_edges=1), (0.0, LINE_LENGTH[1]), (0.0, LINE_LENGTH[1]))):
+        images = faulty_silhouettes(empty, key, table).reshape(-1, PIXELS, PIXELS)
+        whole = [np.ptp(np.argwhere(image), axis=0) + 1 for image in images if image.any()
+                 and not (image[[0, -1]].any() or image[:, [0, -1]].any())]
+        sides = np.array(whole) / PIXELS
+        for side, (least, most) in zip(sides.T, (height, width), strict=True):
+            assert least - 0.01 < side.min()
+            assert 0.85 * most < side.max() < most + LINE_WIDTH + 0.01
+        if table.spurious_edges:
+            assert np.hypot(*sides.T).min() > LINE_LENGTH[0] - 0.01
+
+
 def test_faults_depend_on_the_world_alone() -> None:
     table = StereoTable(missing_edges=0.2, spurious_edges=3, clutter=2, flipped_pixels=0.05)
     whole = faulty_silhouettes(disc(), KEY, table)
@@ -73,6 +95,15 @@ def test_the_object_is_found_among_lines_flips_and_things_apart() -> None:
     assert np.median(iou) > 0.95
     raw = (images & seen).sum((2, 3)) / (images | seen).sum((2, 3))
     assert (iou > raw).all()
+
+
+def test_an_object_in_the_middle_is_found_beside_a_larger_thing() -> None:
+    seen = disc(16.0)[0, 0]
+    image = seen.copy()
+    image[:40, :60] = True
+    found, = object_regions(image[None])
+    assert found[60:68, 60:68].all()
+    assert not found[:40, :60].any()
 
 
 def test_a_clean_object_stays_and_nothing_is_nothing() -> None:

@@ -1,0 +1,60 @@
+"""What `warpgrasp fit` goes by when it says that touches, normals or a table may be wrong."""
+
+from contextlib import nullcontext
+from dataclasses import fields
+from typing import Any
+
+import numpy as np
+import pytest
+
+from fit.fit_status import FitStatus
+from fit.point_sets import PointSets
+from fit.revolution.record import RevolutionFit
+from sweeps.cli.tools.fit_advice import _open_turn_rad, revolution_advice
+from sweeps.cli.tools.fit_points import BELOW_M, BELOW_SHARE, INWARD_M, _check_table, inward
+from sweeps.spec.errors import StoreError
+
+
+def one_set(touches_m: np.ndarray, normals: np.ndarray | None = None) -> PointSets:
+    return PointSets(("a",), touches_m, np.array([len(touches_m)]), normals)
+
+
+@pytest.mark.parametrize("spread", [1.0, 3.0, 5.0])
+def test_the_turn_without_a_touch_is_the_rest_of_a_circle_wherever_it_lies(spread: float) -> None:
+    for start in np.linspace(0.0, 6.0, 13):
+        turn = start + np.linspace(0.0, spread, 40)
+        arm = 0.03 * np.stack([np.cos(turn), np.sin(turn), 0.0 * turn], 1)
+        assert _open_turn_rad(arm) == pytest.approx(2.0 * np.pi - spread)
+
+
+@pytest.mark.parametrize(("low", "high", "table_z_m", "beyond_mm"), [
+    (0.02, 0.1, None, "20"), (0.02, 0.1, 0.0, ""), (0.0, 0.07, 0.0, "30"), (0.0, 0.07, None, "30"),
+    (0.001, 0.099, None, "")])
+def test_a_body_may_end_beyond_its_touches_at_either_end_but_on_a_table(
+        low: float, high: float, table_z_m: float | None, beyond_mm: str) -> None:
+    turn = np.linspace(0.0, 30.0, 60)
+    touches = np.stack([0.03 * np.cos(turn), 0.03 * np.sin(turn), np.linspace(low, high, 60)], 1)
+    values: dict[str, Any] = dict.fromkeys(field.name for field in fields(RevolutionFit))
+    found = RevolutionFit(**values | {
+        "position_m": np.zeros((1, 3)), "axis": np.array([[0.0, 0.0, 1.0]]), "rms_m": np.zeros(1),
+        "height_m": np.array([0.1]), "status": np.array([FitStatus.converged])})
+    said = revolution_advice(one_set(touches), found, table_z_m=table_z_m)
+    assert [line.rsplit(": ", 1)[1] for line in said] == [f"a ({beyond_mm} mm)"] * bool(beyond_mm)
+
+
+@pytest.mark.parametrize("length", [0.1, 1.0, 50.0])
+def test_normals_of_any_length_point_inwards_by_as_much(length: float) -> None:
+    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3), -1).reshape(-1, 3) / np.sqrt(3.0)
+    for deep, told in ((0.9 * INWARD_M, []), (1.1 * INWARD_M, ["a"])):
+        assert inward(one_set(0.5 + deep * corners, -length * corners)) == told
+
+
+@pytest.mark.parametrize(("share", "z_m", "wrong"), [
+    (0.5 * BELOW_SHARE, -2 * BELOW_M, None), (2 * BELOW_SHARE, -2 * BELOW_M, "lie below it"),
+    (0.5, -0.5 * BELOW_M, None), (1.0, 1.0, None), (1.0, 50.0, "lie far above it")])
+def test_a_table_may_be_above_few_touches_or_by_little(
+        share: float, z_m: float, wrong: str | None) -> None:
+    touches = np.random.default_rng(1).uniform([0.0, 0.0, 0.02], [0.1, 0.1, 0.1], (100, 3))
+    touches[:int(100 * share), 2] = z_m
+    with pytest.raises(StoreError, match=wrong) if wrong else nullcontext():
+        _check_table(one_set(touches), 0.0)
