@@ -1,6 +1,6 @@
 """Where the second and third procedures start, from the body believed so far."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -81,28 +81,41 @@ def contour_to_follow(
         step_m=table.step_m, finest_step_m=table.finest_step_m), table.refine)
 
 
-def decide(belief: Belief, table: DecideTable) -> tuple[np.ndarray, np.ndarray]:
-    """Which worlds go on with faces and which with a contour, bool (world,) each.
+class Next(NamedTuple):
+    """Which worlds cross faces, and which follow a contour, bool (world,) each."""
+
+    faces: np.ndarray
+    contour: np.ndarray
+
+
+def decide(belief: Belief, table: DecideTable, last: Next | None = None) -> Next:
+    """Which worlds go on with faces and which with a contour; `last` is what they just did.
 
     A body whose level section is a rectangle has faces; one whose section is an ellipse has a
     contour (a z-axis cylinder has eps1 ~ 0.1, eps2 ~ 1), and so has one that a surface of
-    revolution describes as well.
+    revolution describes as well. Where no body is believed yet faces of the prior are crossed, for
+    a finger that comes down on an object meets it where two that close about an axis may not.
     Where one of them was done already it is left at that, if it bore out the choice (sides that
     are flat, a contour that explains the touches); if not, the other is next.
     """
     stands = stand_upright(belief.body)
-    round_ = (stands.section_exponent >= table.round_from) | ~belief.fitted
+    round_ = belief.fitted & (stands.section_exponent >= table.round_from)
     crossed, flat = sides_crossed(belief)
     followed = (np.zeros(belief.worlds, bool) if belief.profile is None
                 else np.isfinite(belief.profile.volume_m3))
     has_faces = (crossed > 0) & (flat >= table.flat_share * crossed)
     has_contour = followed & (belief.shape == Shape.REVOLUTION)
     done = has_faces | has_contour
-    asked = np.flatnonzero(~done & ~followed & (crossed == 0) & ~round_)
-    round_[asked] = turned(belief, table, asked)
+    asked = ~done & ~followed & (crossed == 0) & ~round_
+    if last is not None:
+        asked &= ~last.faces & ~last.contour
+    rows = np.flatnonzero(asked)
+    round_[rows] = turned(belief, table, rows)
+    if last is not None:  # what has just found nothing would find nothing again
+        round_ = last.faces | (round_ & ~last.contour)
     contour = ~done & ~followed & np.where(crossed > 0, True, round_)
     faces = ~done & ~contour & (crossed == 0)
-    return faces, contour
+    return Next(faces, contour)
 
 
 def turned(belief: Belief, table: DecideTable, rows: np.ndarray) -> np.ndarray:

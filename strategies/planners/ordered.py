@@ -7,13 +7,14 @@ import numpy as np
 
 from fit.arrays import rows_of
 from strategies.planners.next_procedure import (
+    Next,
     contour_to_follow,
     decide,
     faces_to_cross,
     flat_topped,
     top_to_cross,
 )
-from strategies.planners.probes import CrossFaces, Grasp, Probe, wanted_of
+from strategies.planners.probes import CrossFaces, FollowContour, Grasp, Probe, wanted_of
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.procedures.options import ContourTable, DecideTable, PlanarTable
 from strategies.recovery.belief import Belief
@@ -44,6 +45,8 @@ class OrderedPlanner:
         self.parts: list[tuple[str, np.ndarray | None]] | None = None
         self.crossing = np.zeros(0, bool)
         """Worlds that were sent to cross a face, (world,)."""
+        self.last: Next | None = None
+        """What worlds were sent to do in the last step."""
         self.chosen = ""
         """Of the last `decide`, for a figure or a test: which procedure in which world."""
 
@@ -55,12 +58,20 @@ class OrderedPlanner:
         while self.parts:
             name, poses = self.parts.pop(0)
             probes = self._probes(name, poses, belief)
-            for probe in probes:
-                if isinstance(probe, CrossFaces):
-                    self.crossing |= wanted_of(probe, belief.worlds, belief.hand).any(1)
+            self._note(probes, belief)
             if any(p.wanted is None or p.wanted.any() for p in probes):
                 return probes
         return []
+
+    def _note(self, probes: list[Probe], belief: Belief) -> None:
+        """Remember which worlds these send to faces, and which to a contour."""
+        crossed, followed = np.zeros((2, belief.worlds), bool)
+        for probe in probes:
+            wanted = wanted_of(probe, belief.worlds, belief.hand).any(1)
+            crossed |= wanted & isinstance(probe, CrossFaces)
+            followed |= wanted & isinstance(probe, FollowContour)
+        self.crossing |= crossed
+        self.last = Next(crossed & ~followed, followed)  # a contour's end is crossed with it
 
     def _parts(self, belief: Belief) -> list[tuple[str, np.ndarray | None]]:
         """The order, each containment with its poses, cut where a fit is wanted between: after each
@@ -100,7 +111,7 @@ class OrderedPlanner:
             return [faces_to_cross(belief, self.planar, everywhere & belief.active)]
         if name == "contour":
             return [contour_to_follow(belief, self.contour, belief.active, self.seen)]
-        blocky, round_ = decide(belief, self.decide_by)
+        blocky, round_ = decide(belief, self.decide_by, self.last)
         probes: list[Probe] = [
             faces_to_cross(belief, self.planar, blocky & belief.active),
             contour_to_follow(belief, self.contour, round_ & belief.active, self.seen)]

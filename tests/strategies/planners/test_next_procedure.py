@@ -11,6 +11,7 @@ from beliefs import BODY, belief
 from fit.fit_status import FitStatus
 from fit.superquadric.geometry import superquadric_points
 from strategies.planners.next_procedure import (
+    Next,
     contour_to_follow,
     decide,
     faces_to_cross,
@@ -39,8 +40,8 @@ def side(flat: bool) -> SimpleNamespace:
                            normal=normal, felt_normal=normal, flat=np.full(2, flat))
 
 
-def chosen(here: Belief) -> tuple[list[bool], list[bool]]:
-    faces, contour = decide(here, BY_EXPONENT)
+def chosen(here: Belief, last: Next | None = None) -> tuple[list[bool], list[bool]]:
+    faces, contour = decide(here, BY_EXPONENT, last)
     return faces.tolist(), contour.tolist()
 
 
@@ -50,9 +51,21 @@ def test_a_level_section_with_corners_has_faces_and_a_round_one_a_contour(
     assert chosen(with_section(exponent)) == ([faces] * 2, [not faces] * 2)
 
 
-def test_without_a_body_a_contour_is_followed() -> None:
-    here = with_section(BLOCKY, fitted=np.array([True, False]))
-    assert chosen(here) == ([True, False], [False, True])
+def test_without_a_body_faces_of_the_prior_are_crossed() -> None:
+    here = with_section(ROUND, fitted=np.array([True, False]))
+    assert chosen(here) == ([False, True], [True, False])
+
+
+@pytest.mark.parametrize("exponent", [BLOCKY, ROUND])
+def test_what_found_nothing_gives_way_to_the_other(exponent: float) -> None:
+    """A contour that was broken off leaves no profile, a face that was missed no plane."""
+    neither, both = np.zeros(2, bool), np.ones(2, bool)
+    here = with_section(exponent, fitted=np.array([True, False]))
+    assert chosen(here, Next(neither, both)) == ([True] * 2, [False] * 2)
+    assert chosen(here, Next(both, neither)) == ([False] * 2, [True] * 2)
+    assert chosen(here, Next(neither, neither)) == chosen(here)
+    one = np.array([True, False])
+    assert chosen(here, Next(one, ~one)) == ([False, True], [True, False])
 
 
 @pytest.mark.parametrize("exponent", [BLOCKY, ROUND])
