@@ -8,6 +8,7 @@ within the bounds of its face. A touch may belong to no face (the null face of 1
 that the others still decide.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -133,83 +134,125 @@ def interpret(
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
         raise ValueError(f"touches: points {points.shape}, normals {normals.shape}, "
                          "should both be (touch, 3)")
+    return interpret_sets(points[None], normals[None], model, angle_rad=angle_rad,
+                          distance_m=distance_m, most_null=most_null)[0]
+
+
+def interpret_sets(
+    points: Float[np.ndarray, "set touch 3"],
+    normals: Float[np.ndarray, "set touch 3"],
+    model: FaceModel,
+    *,
+    angle_rad: float,
+    distance_m: float,
+    most_null: int = 0,
+) -> list[list[Interpretation]]:
+    """`interpret` of each of several sets with one number of touches [m].
+
+    Raises ValueError for arrays of the wrong shape.
+    """
+    points, normals = np.asarray(points, float), np.asarray(normals, float)
+    if points.ndim != 3 or points.shape[2] != 3 or normals.shape != points.shape:
+        raise ValueError(f"sets of touches: points {points.shape}, normals {normals.shape}, "
+                         "should both be (set, touch, 3)")
+    found: list[list[Interpretation]] = [[] for _ in points]
     if not model.faces:
-        return []
-    branches = np.zeros((1, 0), int)
+        return found
+    owner, branches = np.arange(len(points)), np.zeros((len(points), 0), int)
     compatible = _compatible(points, normals, model, angle_rad, distance_m)
-    for touch in range(len(points)):
+    for touch in range(points.shape[1]):
         may = np.ones((len(branches), len(model.faces)), bool)
         for k in range(touch):
-            may &= (branches[:, k] == NULL)[:, None] | compatible[k, touch, branches[:, k]]
+            may &= ((branches[:, k] == NULL)[:, None]
+                    | compatible[owner, k, touch, branches[:, k]])
         branch, face = np.nonzero(may)
-        spare = branches[(branches == NULL).sum(1) < most_null]
-        # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
+        spare = np.flatnonzero((branches == NULL).sum(1) < most_null)
+        owner = np.concatenate([owner[branch], owner[spare]])
         branches = np.concatenate([
             np.column_stack([branches[branch], face]),
-            np.column_stack([spare, np.full(len(spare), NULL)])])[: 50 * MOST]
+            np.column_stack([branches[spare], np.full(len(spare), NULL)])])
+        # Bound the breadth; the last levels prune most, and a cube has 24 equivalent answers.
+        first = _first_of_each(owner, 50 * MOST)
+        owner, branches = owner[first], branches[first]
     nulls = (branches == NULL).sum(1)
     for null in range(most_null + 1):  # with fewer left over, those with more explain nothing new
-        found = [_verified(points, normals, model, branch, angle_rad, distance_m)
-                 for branch in branches[nulls == null][:MOST]]
-        good = [f for f in found if f is not None]
-        if good:
-            return sorted(good, key=lambda f: f.rms_m)
-    return []
+        rows = np.flatnonzero((nulls == null) & np.array([not one for one in found])[owner])
+        rows = rows[_first_of_each(owner[rows], MOST)]
+        for row, one in _verified(points[owner[rows]], normals[owner[rows]], model,
+                                  branches[rows], angle_rad, distance_m):
+            found[owner[rows[row]]].append(one)
+    return [sorted(each, key=lambda one: one.rms_m) for each in found]
+
+
+def _first_of_each(owner: Int[np.ndarray, " branch"], most: int) -> Int[np.ndarray, " _"]:
+    """The first `most` branches of each set, set by set."""
+    order = np.argsort(owner, kind="stable")
+    number = np.arange(len(order)) - np.searchsorted(owner[order], owner[order])
+    return order[number < most]
 
 
 def _compatible(points, normals, model, angle_rad, distance_m) -> np.ndarray:
-    """Whether pairs of touches may lie on pairs of faces, shape [touch, touch, face, face]."""
-    turn = np.arccos(np.clip(normals @ normals.T, -1, 1))[:, :, None, None]
+    """Whether pairs of touches may lie on pairs of faces, shape [set, touch, touch, face, face]."""
+    turn = np.arccos(np.clip(normals @ normals.swapaxes(1, 2), -1, 1))[..., None, None]
     true = np.arccos(np.clip(model.normals @ model.normals.T, -1, 1))
     fits = np.abs(turn - true) <= 2 * angle_rad
-    apart = points[None] - points[:, None]
-    length = np.linalg.norm(apart, axis=2)[:, :, None, None]
+    apart = points[:, None] - points[:, :, None]
+    length = np.linalg.norm(apart, axis=3)[..., None, None]
     low, high = np.moveaxis(model.distance_range, 2, 0)
     fits &= (length >= low - 2 * distance_m) & (length <= high + 2 * distance_m)
     # An error of a normal changes the component in proportion to the distance.
     slack = 2 * distance_m + length * np.sin(angle_rad)
     low, high = np.moveaxis(model.component_range, 2, 0)
-    along = np.einsum("abi,ai->ab", apart, normals)[:, :, None, None]
+    along = np.einsum("sabi,sai->sab", apart, normals)[..., None, None]
     fits &= (along >= low - slack) & (along <= high + slack)
-    back = -np.einsum("abi,bi->ab", apart, normals)[:, :, None, None]
+    back = -np.einsum("sabi,sbi->sab", apart, normals)[..., None, None]
     return fits & (back >= low.T - slack) & (back <= high.T + slack)
 
 
 def _verified(
-    points, normals, model, assignment: Int[np.ndarray, " touch"], angle_rad, distance_m
-) -> Interpretation | None:
-    """The pose of an assignment if every touch lies inside its face, else None."""
+    points, normals, model, assignment: Int[np.ndarray, "branch touch"], angle_rad, distance_m
+) -> Iterator[tuple[int, Interpretation]]:
+    """Branches, all of which leave as many touches over, in whose pose every touch lies inside its
+    face; `points` and `normals` [branch, touch, 3]."""
     on = assignment != NULL
-    faces, points, normals = assignment[on], points[on], normals[on]
-    if len(faces) < 2:
-        return None
+    count = int(on[:1].sum())
+    if count < 2:
+        return
+    faces, points, normals = (values[on].reshape(len(on), count, *values.shape[2:])
+                              for values in (assignment, points, normals))
     true = model.normals[faces]
-    u, values, vt = np.linalg.svd(normals.T @ true)
-    if values[1] < 1e-3:
-        return None  # parallel normals: the rotation about them is undetermined
-    rotation = u @ np.diag([1.0, 1.0, np.linalg.det(u @ vt)]) @ vt
-    turned = true @ rotation.T
-    if (np.einsum("ti,ti->t", turned, normals) < np.cos(angle_rad)).any():
-        return None
+    u, values, vt = np.linalg.svd(normals.swapaxes(1, 2) @ true)
+    u[..., 2] *= np.linalg.det(u @ vt)[:, None]
+    rotation = u @ vt
+    turned = true @ rotation.swapaxes(1, 2)
+    along = np.einsum("bti,bti->bt", turned, normals)
+    # Of parallel normals the rotation about them is undetermined.
+    kept = np.flatnonzero((values[:, 1] >= 1e-3) & (along >= np.cos(angle_rad)).all(1))
+    faces, points, true, rotation, turned = (
+        values[kept] for values in (faces, points, true, rotation, turned))
     offset = model.offsets[faces]
     # Least squares for t in n.(x - t) = offset; the faces' centres fix undetermined components.
-    centre = model.centres[faces] @ rotation.T
+    centre = model.centres[faces] @ rotation.swapaxes(1, 2)
     weak = 1e-3
-    matrix = np.concatenate([turned, weak * np.tile(np.eye(3), (len(faces), 1))])
-    right = np.concatenate([np.einsum("ti,ti->t", turned, points) - offset,
-                            weak * (points - centre).ravel()])
-    position = np.linalg.lstsq(matrix, right, rcond=None)[0]
-    local = (points - position) @ rotation
-    away = np.einsum("ti,ti->t", local, true) - offset
-    if np.abs(away).max() > 2 * distance_m:
-        return None
-    for p, f in zip(local, faces, strict=True):
-        if (np.einsum("ei,ei->e", p - model.faces[f], model.inward[f]) < -2 * distance_m).any():
-            return None
-    distance = np.zeros(len(assignment))
-    distance[on] = away
-    return Interpretation(model.name, tuple(map(int, assignment)), quaternion_of_matrix(rotation),
-                          position, distance)
+    extra = weak * np.tile(np.eye(3), (count, 1))
+    right = np.concatenate([np.einsum("bti,bti->bt", turned, points) - offset,
+                            weak * (points - centre).reshape(len(kept), -1)], axis=1)
+    position = np.array([np.linalg.lstsq(np.concatenate([matrix, extra]), values, rcond=None)[0]
+                         for matrix, values in zip(turned, right, strict=True)]).reshape(-1, 3)
+    local = (points - position[:, None]) @ rotation
+    away = np.einsum("bti,bti->bt", local, true) - offset
+    inside = np.abs(away) <= 2 * distance_m
+    for face, (corners, inward) in enumerate(zip(model.faces, model.inward, strict=True)):
+        at = faces == face
+        edges = ((local[at][:, None] - corners) * inward).sum(-1)
+        inside[at] &= (edges >= -2 * distance_m).all(1)
+    quaternion = quaternion_of_matrix(rotation)
+    for k in np.flatnonzero(inside.all(1)):
+        row = int(kept[k])
+        distance = np.zeros(assignment.shape[1])
+        distance[on[row]] = away[k]
+        yield row, Interpretation(model.name, tuple(assignment[row].tolist()), quaternion[k],
+                                  position[k], distance)
 
 
 def model_of_planes(

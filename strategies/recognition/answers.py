@@ -15,7 +15,6 @@ from strategies.recognition.descriptions import (
     FACES,
     WAYS,
     Described,
-    FeltFaces,
     described,
 )
 from strategies.recognition.known_models import KnownModels, KnownObject
@@ -88,8 +87,11 @@ def log_densities(found: Described, models: KnownModels, way: str) -> np.ndarray
     """Logarithms of the densities of what was felt, (row, object + 1), unlisted ones last."""
     every = (*models.objects, models.unlisted)
     if way == FACES:
-        values = np.array([[_face_density(faces, known) for known in every]
-                           for faces in found.faces]).reshape(-1, len(every))
+        of_any = log_density_of_any(found.faces)
+        values = np.stack([
+            of_any if known.faces is None
+            else log_density_of_faces(found.faces, known.faces.model, known.faces.std_m)
+            for known in every], 1)
     else:
         # Of an object seldom found this way no more is known than of any.
         populations = [known.populations.get(way, models.unlisted.populations[way])
@@ -97,12 +99,6 @@ def log_densities(found: Described, models: KnownModels, way: str) -> np.ndarray
         values = np.stack([log_density(found.numbers, found.covariance, population)
                            for population in populations], 1)
     return values + [_log_rate(known, way) for known in every]
-
-
-def _face_density(faces: FeltFaces, known: KnownObject) -> float:
-    if known.faces is None:
-        return log_density_of_any(faces)
-    return log_density_of_faces(faces, known.faces.model, known.faces.std_m)
 
 
 def _log_rate(known: KnownObject, way: str) -> float:

@@ -20,7 +20,7 @@ from strategies.recognition.descriptions import (
     described,
 )
 from strategies.recognition.known_models import FEWEST, FacePlanes, KnownModels, KnownObject
-from strategies.recognition.match_faces import best_interpretation, closed_model, with_table
+from strategies.recognition.match_faces import best_interpretations, closed_model, with_table
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 
@@ -146,7 +146,7 @@ def _polyhedron(name: str, felt: Sequence[FeltFaces]) -> FacePlanes | None:
         model = closed_model(name, *_planes_alone(felt[k]))
         if model is None:
             continue
-        found = [f for f in (best_interpretation(faces, model) for faces in felt) if f is not None]
+        found = [f for f in best_interpretations(felt, model) if f is not None]
         worth = (sum(f.assigned for f in found), -float(np.mean([f.rms_m for f in found] or [0])))
         if best is None or worth > best[0]:
             best = worth, model
@@ -174,8 +174,7 @@ def _averaged(
     """Planes of a model averaged over what was felt of them, and how far those lie about them."""
     seen: dict[int, list[tuple[np.ndarray, float]]] = {}
     found: list[Interpretation] = []
-    for faces in felt:
-        one = best_interpretation(faces, model)
+    for faces, one in zip(felt, best_interpretations(felt, model), strict=True):
         if one is None:
             continue
         found.append(one)

@@ -5,9 +5,16 @@ table is one more face, under every body. Angles must agree; distances between f
 normal density for a known body and a broad one for any other.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
-from fit.interpretation_tree import FaceModel, Interpretation, interpret, model_of_planes
+from fit.interpretation_tree import (
+    FaceModel,
+    Interpretation,
+    interpret_sets,
+    model_of_planes,
+)
 from strategies.recognition.descriptions import FeltFaces
 
 ANGLE_RAD = np.radians(4)
@@ -48,23 +55,39 @@ def closed_model(name: str, normals: np.ndarray, offset_m: np.ndarray) -> FaceMo
     return None
 
 
-def best_interpretation(faces: FeltFaces, model: FaceModel) -> Interpretation | None:
-    """The one that assigns most faces; none if more than one face, or the table, is left over."""
-    points, normals = with_table(faces)
-    spare = 1 if len(faces.points_m) > 2 else 0
-    found = interpret(points, normals, model, angle_rad=ANGLE_RAD, distance_m=DISTANCE_M,
-                      most_null=spare)
-    return next((f for f in found if f.assignment[-1] >= 0), None)
+def best_interpretations(
+    felt: Sequence[FeltFaces], model: FaceModel
+) -> list[Interpretation | None]:
+    """Of each world's faces the one that assigns most of them; none if more than one face, or the
+    table, is left over."""
+    best: list[Interpretation | None] = [None] * len(felt)
+    counts = np.array([len(faces.points_m) for faces in felt], int)
+    for count in np.unique(counts):
+        index = np.flatnonzero(counts == count).tolist()
+        touches = [with_table(felt[k]) for k in index]
+        found = interpret_sets(np.array([points for points, _ in touches]),
+                               np.array([normals for _, normals in touches]), model,
+                               angle_rad=ANGLE_RAD, distance_m=DISTANCE_M,
+                               most_null=1 if count > 2 else 0)
+        for k, each in zip(index, found, strict=True):
+            best[k] = next((one for one in each if one.assignment[-1] >= 0), None)
+    return best
 
 
-def log_density_of_faces(faces: FeltFaces, model: FaceModel, std_m: float) -> float:
-    """Log density of the distances felt if the body is this one; minus infinity if it cannot be.
+def log_density_of_faces(
+    felt: Sequence[FeltFaces], model: FaceModel, std_m: float
+) -> np.ndarray:
+    """Log densities of the distances felt in each world, (world,), if the body is this one; minus
+    infinity where it cannot be.
 
     `std_m` is the standard deviation of a plane about the model's.
     """
-    found = best_interpretation(faces, model)
-    if found is None:
-        return -np.inf
+    return np.array([
+        -np.inf if found is None else _log_density(faces, found, std_m)
+        for faces, found in zip(felt, best_interpretations(felt, model), strict=True)])
+
+
+def _log_density(faces: FeltFaces, found: Interpretation, std_m: float) -> float:
     on = np.array(found.assignment[:-1]) >= 0
     spurious = int((~on).sum())
     square = float((found.away_m**2).sum()) / std_m**2
@@ -72,9 +95,9 @@ def log_density_of_faces(faces: FeltFaces, model: FaceModel, std_m: float) -> fl
             + spurious * (np.log(SPURIOUS) + BROAD))
 
 
-def log_density_of_any(faces: FeltFaces) -> float:
+def log_density_of_any(felt: Sequence[FeltFaces]) -> np.ndarray:
     """The same for a body of which nothing is known."""
-    return _distances(faces.normals) * BROAD
+    return np.array([_distances(faces.normals) * BROAD for faces in felt])
 
 
 def _distances(normals: np.ndarray) -> int:

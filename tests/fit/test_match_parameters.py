@@ -1,10 +1,12 @@
 """Populations of shapes, probabilities of what is known and of what is not; polyhedra by faces."""
 
+from itertools import chain
+
 import numpy as np
 import pytest
 from scipy import stats
 
-from fit.interpretation_tree import NULL, FaceModel, model_of_planes
+from fit.interpretation_tree import NULL, FaceModel, interpret_sets, model_of_planes
 from fit.interpretation_tree import interpret as interpretations
 from fit.match_parameters import TAIL, Population, log_density, population_of, posterior
 from fit.polyhedron import polyhedron_faces
@@ -141,6 +143,22 @@ def test_a_touch_of_something_else_is_left_over() -> None:
     assert found[0].assignment[6] == NULL
     assert found[0].assigned == 7
     assert np.linalg.norm(found[0].position_m - place) < 2e-3
+
+
+def test_sets_are_interpreted_as_each_alone() -> None:
+    """Of them one has a touch of something else, and one is not of the body at all."""
+    model, other = block_model("block", (0.06, 0.08, 0.12)), block_model("other", (0.03, 0.05, 0.2))
+    sets = [felt_block(seed, of)[1:] for seed, of in enumerate((model, other, model, model))]
+    place, points, normals = sets[2]
+    points[6], normals[6] = place + 0.3, np.ones(3) / np.sqrt(3)
+    points, normals = (np.array([one[part] for one in sets]) for part in (1, 2))
+    together = interpret_sets(points, normals, model, angle_rad=0.2, distance_m=4e-3, most_null=1)
+    alone = [interpret(*one[1:], model, most_null=1) for one in sets]
+    assert [len(found) > 0 for found in together] == [True, False, True, True]
+    for one, same in zip(chain(*together), chain(*alone), strict=True):
+        assert one.assignment == same.assignment
+        for name in ("quaternion_xyzw", "position_m", "away_m"):
+            np.testing.assert_array_equal(getattr(one, name), getattr(same, name))
 
 
 def test_normals_of_a_block_point_outwards() -> None:

@@ -40,19 +40,20 @@ def test_a_face_counts_unless_it_only_fixes_the_place(sides: list[int], distance
     """The table tells the height of the top; sides must tell two places on the table first."""
     assert BLOCK is not None
     each = -np.log(STD_M * np.sqrt(2 * np.pi))
-    assert log_density_of_faces(felt(sides), BLOCK, STD_M) == pytest.approx(
-        distances * each, abs=1e-4)
-    assert log_density_of_any(felt(sides)) == pytest.approx(distances * BROAD)
+    assert log_density_of_faces([felt(sides)], BLOCK, STD_M) == pytest.approx(
+        [distances * each], abs=1e-4)
+    assert log_density_of_any([felt(sides)]) == pytest.approx([distances * BROAD])
 
 
 def test_a_face_off_its_plane_is_less_likely_and_one_too_many_as_spurious() -> None:
     assert BLOCK is not None
-    exact, off, more = (log_density_of_faces(faces, BLOCK, STD_M) for faces in (
-        felt([1, 3, 0]), felt([1, 3, 0], 0.004), felt([1, 3, 0], strange=True)))
+    exact, off, more, neither = log_density_of_faces([
+        felt([1, 3, 0]), felt([1, 3, 0], 0.004), felt([1, 3, 0], strange=True),
+        felt([1, 0], 0.03)], BLOCK, STD_M)
     # Between top and table the error is shared: each lies off by half of it.
     assert exact - off == pytest.approx(0.5 * 2 * 0.002**2 / STD_M**2, rel=0.01)
     assert more - exact == pytest.approx(np.log(SPURIOUS) + BROAD, abs=1e-3)
-    assert log_density_of_faces(felt([1, 0], 0.03), BLOCK, STD_M) == -np.inf  # of two, neither is
+    assert neither == -np.inf  # of two faces none may be left over
 
 
 def test_planes_are_averaged_and_their_spread_is_that_of_their_errors() -> None:
