@@ -18,11 +18,13 @@ from warpgrasp.probe_status import ProbeStatus
 MADE = (ProbeStatus.CONTACT, ProbeStatus.NO_CONTACT, ProbeStatus.BLOCKED,
         ProbeStatus.SELF_CONTACT)
 """What may have become of a guarded motion that was made."""
+_MADE = np.isin(list(ProbeStatus), MADE)
+"""The same by the number of each status."""
 
 
 def was_made(status: np.ndarray) -> np.ndarray:
     """Whether guarded motions until contact count as touches, by their ProbeStatus."""
-    return np.isin(status, MADE)
+    return _MADE[status]
 
 
 def guarded_time_s(arm: ArmTable, commands_rad: np.ndarray) -> np.ndarray:

@@ -117,6 +117,12 @@ class _Explorer:
         self.touch_count = np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
         self.log = TouchLog(self.one.commands_rad.shape[2])
+        self.after = {
+            _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
+            _Phase.LOWER: self._look_further, _Phase.FURTHER: self._edge,
+            _Phase.LEAVE: self._rise_and_go_over, _Phase.OVER: self._come_down,
+            _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first,
+            _Phase.LEAVE_FACE: self._retreat, _Phase.RETREAT: self._retreated}
         # The line before each world:
         self.phase = np.full(worlds, _Phase.APPROACH)
         self.way = np.zeros((worlds, 3))
@@ -172,15 +178,9 @@ class _Explorer:
         self.level[rows[on_face]] = height[on_face]
         self.fell[rows] = felt & (self.level[rows] - height > 0.5 * self.o.edge_drop_m)
         self._end_direction(rows[strange], EndReason.OBSTACLE)
-        for now, go_on in {
-                _Phase.APPROACH: self._begin, _Phase.LIFT: self._step, _Phase.STEP: self._lower,
-                _Phase.LOWER: self._look_further, _Phase.FURTHER: self._edge,
-                _Phase.LEAVE: self._rise_and_go_over, _Phase.OVER: self._come_down,
-                _Phase.RISE: self._try_higher, _Phase.DOWN: self._cross_from_first,
-                _Phase.LEAVE_FACE: self._retreat, _Phase.RETREAT: self._retreated}.items():
+        for now in np.unique(phase[~strange]):
             mine = (phase == now) & ~strange
-            if mine.any():
-                go_on(rows[mine], status[mine])
+            self.after[now](rows[mine], status[mine])
 
     def _plan(self, phase: _Phase, rows: np.ndarray, way: np.ndarray, intervals: np.ndarray | int,
               interval: float | None = None, until: Until = Until.CONTACT) -> None:

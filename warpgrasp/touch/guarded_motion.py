@@ -165,11 +165,10 @@ def guarded_line(
             "body": np.broadcast_to(body, len(key))[move.rows], "body_pose": body_pose[move.rows],
             "world": move.rows, "key": key[move.rows], "number": move.number,
             "start": move.hand_pose, "direction": move.direction, "arm_q": arm_q_rad,
-            "interval": np.broadcast_to(move.interval_m, n),
-            "steps": np.broadcast_to(move.steps, n),
-            "until_release": np.broadcast_to(move.until, n) == Until.RELEASE}.items():
+            "interval": move.interval_m, "steps": move.steps,
+            "until_release": np.equal(move.until, Until.RELEASE)}.items():
         column = begin[name]
-        if np.shape(value) != column.shape:
+        if np.shape(value) not in ((), column.shape):
             raise ShapeError(f"guarded line: {name!r} has shape {np.shape(value)}, "
                              f"wants {column.shape}")
         column[...] = value
