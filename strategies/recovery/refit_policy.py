@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from fit.arrays import row_sums, rows_of, with_rows
+from fit.arrays import put_rows, row_sums, rows_of, with_rows
 from fit.fit_status import is_fitted
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
@@ -146,8 +146,8 @@ def _with_bodies(last: Fitted, felt: Evidence, links: TouchedLinks | None, rows:
     if len(rows) == 0:
         return last
     found, where = fit(rows_of(felt, rows), rows_of(links, rows), table, last.fits[rows])
-    placed = with_rows(last.placed, rows, where)
-    return replace(last, fits=with_rows(last.fits, rows, found), placed=placed)
+    put_rows(last.placed, rows, where)  # made in `refitted`, for nobody else so far
+    return replace(last, fits=with_rows(last.fits, rows, found))
 
 
 def _begun(felt: Evidence, links: TouchedLinks | None, table: FitTable, start: SuperquadricFit
