@@ -146,9 +146,11 @@ def test_a_touch_of_something_else_is_left_over() -> None:
 
 
 def test_sets_are_interpreted_as_each_alone() -> None:
-    """Of them one has a touch of something else, and one is not of the body at all."""
+    """Touches come in another order in each; one set has a touch of something else, and one is not
+    of the body at all."""
     model, other = block_model("block", (0.06, 0.08, 0.12)), block_model("other", (0.03, 0.05, 0.2))
-    sets = [felt_block(seed, of)[1:] for seed, of in enumerate((model, other, model, model))]
+    sets = [(place, np.roll(points, k, 0), np.roll(normals, k, 0)) for k, of in enumerate(
+        (model, other, model, model)) for _, place, points, normals in [felt_block(k, of)]]
     place, points, normals = sets[2]
     points[6], normals[6] = place + 0.3, np.ones(3) / np.sqrt(3)
     points, normals = (np.array([one[part] for one in sets]) for part in (1, 2))
