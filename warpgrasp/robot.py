@@ -309,7 +309,6 @@ class Robot:
             raise ValueError(f"rows: are {rows.tolist()!s:.80}; should name a world only once")
         move = LineMove(rows, self._lines_made[rows], hand_pose, direction, interval_m, steps,
                         finger, commands_rad, until, checked)
-        check_poses("hand_pose", hand_pose)
         _check_stands(self._truth.body_pose)
         touch, truth, arm_q = guarded_line(
             self._scene, self._body, self._truth.body_pose, self.arm, self.hand, self.sensors,

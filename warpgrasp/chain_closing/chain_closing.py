@@ -20,14 +20,15 @@ from warpgrasp.chain_closing.chain_record import ChainClosingRow, ChainTruthRow
 from warpgrasp.chain_closing.chain_slack import pair_slack, path_gaps
 from warpgrasp.closing.closing import Closing, ClosingTruth
 from warpgrasp.core.array_checks import check_range
-from warpgrasp.core.dtypes import real, transform
-from warpgrasp.core.kernel_launch import array_of, launch_in_turn
+from warpgrasp.core.dtypes import real
+from warpgrasp.core.kernel_launch import array_of, launch_in_turn, poses_of
 from warpgrasp.core.lanes import has_lanes
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.chain_balance import ChainGrip
 
 
@@ -76,7 +77,8 @@ def close_chains(
     As `closing.close_fingers`, with `hand` in place of the Utah-MIT's, and of `table` the numbers
     that any hand has: skin, stops, density. `commands_rad` has shape (grasp, finger, step, width),
     angles of drives. Links are numbered by their joints. Raises ShapeError, and ValueError for a
-    body or a count of steps that there is not, and for what `closing_misfit` says.
+    body or a count of steps that there is not, for a pose that is no place and unit quaternion, and
+    for what `closing_misfit` says.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
@@ -103,13 +105,15 @@ def close_chains(
     path, come = _on_device(hand, table, contact, errors, commands.shape, commands.tobytes(),
                             device)
     given = {
-        "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
+        "scene": scene, "body": there(body, int),
+        "body_pose": poses_of("body_pose", body_pose, device),
         "hands": true_chains(hand, table, contact, errors, device),
         "believed": true_chains(hand, table, contact, none, device),
         "sensors": true_sensors(hand, table, sensors, contact, errors, device,
                                 command_range(commands)),
         "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
-        "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
+        "probe_number": there(probe_number, int), "hand_pose": poses_of(
+            "hand_pose", hand_pose, device, (probe_status == ProbeStatus.CONTACT).any(-1)),
         "path": path, "felt": felt.array, "truth": truth.array}
     counts = {"command_count": there(command_count, int)}
     closing = (chain_closing_kernel, _SHAPES, given | counts | {

@@ -18,10 +18,11 @@ from warpgrasp.chain_closing.chain_closing_kernels import chain_estimate_kernel
 from warpgrasp.chain_closing.chain_estimate_kernel import balls_type
 from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
-from warpgrasp.core.dtypes import mat33, transform, vec3
-from warpgrasp.core.kernel_launch import launch
+from warpgrasp.core.dtypes import mat33, vec3
+from warpgrasp.core.kernel_launch import launch, poses_of
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 
 
 @dataclass(frozen=True)
@@ -51,8 +52,8 @@ def estimate_chain_contacts(
 ) -> ChainEstimate:
     """Contacts as the robot concludes them, by what the hand senses.
 
-    As `contact_estimate.estimate_contacts`, with `hand` in place of the Utah-MIT's. Raises
-    ShapeError where shapes disagree.
+    As `contact_estimate.estimate_contacts`, with `hand` in place of the Utah-MIT's. It
+    raises the same errors.
     """
     dims = closing.status.shape
     errors, contact = errors or ErrorTable(), contact or ContactTable()
@@ -77,7 +78,9 @@ def estimate_chain_contacts(
         "pose_variance": place_variance(errors, arm, longest_link_m(hand)),
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
         "arm_share": errors.moment_arm_share,
-        "hand_pose": wp.array(np.ascontiguousarray(believed_pose), dtype=transform, device=device),
+        "hand_pose": poses_of(
+            "believed_pose", believed_pose, device,
+            (closing.status == ProbeStatus.CONTACT).any((-1, -2))),
         **given, **out}, device=device, heavy=True)
     found = {name: values.numpy().copy() for name, values in out.items()}
     most = max(len(own) for own in hand.capsules)

@@ -14,10 +14,11 @@ from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.self_contact import MISFIT, doubt_of
 from warpgrasp.core.array_checks import check_range
-from warpgrasp.core.dtypes import real, transform
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.dtypes import real
+from warpgrasp.core.kernel_launch import array_of, launch, poses_of
 from warpgrasp.hand_rest.press_kernel import Doubt
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 
 
 def chain_self_contacts(
@@ -48,7 +49,9 @@ def chain_self_contacts(
         "palm": palm, "pairs": pairs,
         "doubt": wp.array([doubt_of(sensors, errors, lengths_m(hand, f))
                            for f in range(hand.fingers)], dtype=Doubt, device=device),
-        "hand_pose": array_of(believed_pose, transform, device),
+        "hand_pose": poses_of(
+            "believed_pose", believed_pose, device,
+            (closing.status == ProbeStatus.CONTACT).any((-1, -2))),
         "status": array_of(closing.status, int, device),
         "q": array_of(padded(read), vec6, device), "step": array_of(closing.step, int, device),
         "path": array_of(padded(commands_rad), vec6, device), "misfit": misfit}, device=device,

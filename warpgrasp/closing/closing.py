@@ -19,8 +19,7 @@ from warpgrasp.closing.closing_kernels import (
 )
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.core.array_checks import check_range
-from warpgrasp.core.dtypes import transform
-from warpgrasp.core.kernel_launch import array_of, launch, launch_in_turn
+from warpgrasp.core.kernel_launch import array_of, launch, launch_in_turn, poses_of
 from warpgrasp.core.random import Purpose, counter_key
 from warpgrasp.core.struct_array import Records
 from warpgrasp.finger.energy import Equilibrium
@@ -31,6 +30,7 @@ from warpgrasp.hand_rest.meetings import Meeting
 from warpgrasp.mechanism.calibration import Calibration, no_errors, true_hands, true_tendons
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.rubbing.balance import Grip
 
 
@@ -118,7 +118,8 @@ def close_fingers(
     command, may be pushed there, and end as NO_CONTACT at step 0. `contact` says what acts on the
     fingers; `errors` are those of the true robots, none unless given. `march_scale`
     below 1 has free steps skipped in shorter jumps, to check that skipping changes nothing. Raises
-    ShapeError, and ValueError for a body or a count of steps that there is not.
+    ShapeError, and ValueError for a body or a count of steps that there is not, and for a pose that
+    is no place and unit quaternion (of hands only where a probe is to be made).
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_range("command_count", command_count, 1, np.shape(commands_rad)[2])
@@ -140,10 +141,12 @@ def close_fingers(
         return array_of(values, dtype, device)
 
     given = {
-        "scene": scene, "body": there(body, int), "body_pose": there(body_pose, transform),
+        "scene": scene, "body": there(body, int),
+        "body_pose": poses_of("body_pose", body_pose, device),
         "hands": hands, "sensors": tendons,
         "key": there(counter_key(key, int(Purpose.CLOSING)), wp.uint64),
-        "probe_number": there(probe_number, int), "hand_pose": there(hand_pose, transform),
+        "probe_number": there(probe_number, int), "hand_pose": poses_of(
+            "hand_pose", hand_pose, device, (probe_status == ProbeStatus.CONTACT).any(-1)),
         "path": path, "felt": felt.array, "truth": truth.array}
     steps = {"links": links, "command_count": there(command_count, int)}
     closing = (friction_kernel if contact.friction else closing_kernel, _SHAPES, given | steps | {

@@ -15,12 +15,13 @@ import warp as wp
 
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.closing_kernels import estimate_kernel
-from warpgrasp.core.dtypes import mat33, transform, vec3, vec4
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.dtypes import mat33, vec3, vec4
+from warpgrasp.core.kernel_launch import array_of, launch, poses_of
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.mechanism.tendon import tendon_sensor_of
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 
 FINGERTIP_SIGMA_M = 0.006
 """Spread given to a fingertip estimate [est]: its error is mostly that another place touched."""
@@ -73,7 +74,8 @@ def estimate_contacts(
     `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
     (grasp, finger, step, 4) the commands of the closings. `errors` says how far the robot may be
     from its tables, and `contact` what acts on its fingers; the defaults are `ErrorTable()` and
-    `ContactTable()`. Raises ShapeError where shapes disagree.
+    `ContactTable()`. Raises ShapeError where shapes disagree, ValueError for the pose of a contact
+    that is no place and unit quaternion.
     """
     worlds, probes, grasps, fingers = closing.status.shape
     dims = (worlds, probes, grasps, fingers)
@@ -102,7 +104,9 @@ def estimate_contacts(
         "angle_variance": 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2),
         "arm_share": errors.moment_arm_share,
         "tip_variance": FINGERTIP_SIGMA_M**2,
-        "status": put(closing.status, int), "hand_pose": put(believed_pose, transform),
+        "status": put(closing.status, int), "hand_pose": poses_of(
+            "believed_pose", believed_pose, device,
+            (closing.status == ProbeStatus.CONTACT).any((-1, -2))),
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
         "moving": put(moving_senses(closing, commands_rad), vec4), "point": point,

@@ -11,11 +11,12 @@ import warp as wp
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.closing_kernels import hand_press_kernel
 from warpgrasp.core.array_checks import check_range
-from warpgrasp.core.dtypes import real, transform, vec4
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.dtypes import real, vec4
+from warpgrasp.core.kernel_launch import array_of, launch, poses_of
 from warpgrasp.hand_rest.press_kernel import Doubt
 from warpgrasp.mechanism.utah_mit_hand import FINGER_COUNT, hand_of
 from warpgrasp.parameters import ContactTable, ErrorTable, HandTable, SensorTable
+from warpgrasp.probe_status import ProbeStatus
 
 MISFIT = 12.0
 """Squared deviations: a finger that pressing on a link explains worse did not stop there. It leaves
@@ -51,7 +52,8 @@ def self_contacts(
     `believed_pose` (world, probe, 7) is the nominal hand pose [m, quaternion xyzw], `commands_rad`
     (grasp, finger, step, 4) are those of the closing, and `contact` is what acts on the fingers.
     Returns bool (world, probe, grasp, finger). Raises ShapeError where shapes disagree, ValueError
-    for steps that the commands have not.
+    for steps that the commands have not, and for the pose of a contact that is no place and unit
+    quaternion.
     """
     check_range("closing.step", closing.step, -1, np.shape(commands_rad)[2] - 1)
     dims = closing.status.shape
@@ -62,7 +64,9 @@ def self_contacts(
         "commands": "grasp 4 step 4", "misfit": each}, {
         "hand": hand_of(hand, contact), "mount": hand.mount_length_m,
         "doubt": doubt_of(sensors, errors, np.array(hand.link_length_m)),
-        "hand_pose": array_of(believed_pose, transform, device),
+        "hand_pose": poses_of(
+            "believed_pose", believed_pose, device,
+            (closing.status == ProbeStatus.CONTACT).any((-1, -2))),
         "status": array_of(closing.status, int, device),
         "q": array_of(closing.q_rad, vec4, device), "step": array_of(closing.step, int, device),
         "commands": wp.array(commands_rad, dtype=real, device=device), "misfit": misfit},

@@ -15,7 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "kernel_cache": ["check_kernels", "drop_kernels", "has_kernels", "place_kernels",
         "seal_kernels"],
     "kernel_launch": ["GPU_BLOCK", "ShapeError", "array_of", "launch",
-        "launch_in_turn", "set_thread_count"],
+        "launch_in_turn", "poses_of", "set_thread_count"],
     "lanes": ["LANES", "has_lanes", "lanes_begin", "polynomial"],
     "plain_text": ["counted", "csv_cell", "first_few", "on_one_line", "printable"],
     "random": ["Purpose", "counter_key", "counter_normal", "counter_uniform", "normal_vector"],

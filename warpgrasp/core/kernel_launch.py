@@ -17,7 +17,9 @@ from typing import Any
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.array_checks import check_poses
 from warpgrasp.core.cores import thread_count
+from warpgrasp.core.dtypes import transform
 from warpgrasp.core.kernel_cache import check_kernels, place_kernels, seal_kernels
 
 wp.config.log_level = wp.LOG_ERROR  # banners are not results
@@ -58,6 +60,17 @@ def array_of(values: np.ndarray, dtype: Any, device: str) -> wp.array:
         raise ShapeError(f"an array of shape {values.shape}; should end with {inner}, as "
                          f"{dtype.__name__} does")
     return wp.array(values, dtype=dtype, device=device, copy=False)
+
+
+def poses_of(
+    name: str, poses: np.ndarray, device: str, counts: np.ndarray | None = None
+) -> wp.array:
+    """`array_of` poses (world, ..., 7), which `check_poses` checks where `counts` (world, ...), if
+    given, has their shape: of another one `launch` tells. Raises ShapeError and ValueError."""
+    there = array_of(poses, transform, device)
+    if counts is None or counts.shape == there.shape:
+        check_poses(name, np.asarray(poses), counts)
+    return there
 
 
 def launch(

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.arms.serial_arm import padded
 from warpgrasp.core.array_checks import check_range
 from warpgrasp.core.dtypes import real, transform, vec7
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.kernel_launch import array_of, launch, poses_of
 from warpgrasp.geometry.scene import Scene
 from warpgrasp.mechanism.arm import arm_flanges, arm_home, arm_of
 from warpgrasp.mechanism.arm_motion_kernel import _clearance_kernel, _move_kernel
@@ -109,8 +109,10 @@ def move_hand(
     last 0.12 m of the approach. `errors` are those of the true robots; none unless given.
     `probe_number` (world, probe) numbers the probes for the noise, each world's from 0 unless
     given. `clearance` stands for a hand other than the Utah-MIT's. Returns the moves and the true
-    hand poses (world, probe, 7), which only the simulator may use. Raises ShapeError, and
-    ValueError for a body that the scene has not.
+    hand poses (world, probe, 7), which only the simulator may use. A wanted pose that is not finite
+    is UNREACHABLE. Raises ShapeError, and ValueError for a body that the scene has not, for another
+    pose of an object that is no place and unit quaternion, and for a wanted quaternion of another
+    length.
     """
     check_range("body", body, 0, scene.bodies - 1)
     worlds, probes = wanted_pose.shape[:2]
@@ -139,7 +141,7 @@ def move_hand(
         "key": array_of(key, wp.uint64, device),
         "probe_number": array_of(probe_number, int, device),
         "mount": array_of(errors.mount, transform, device),
-        "wanted": array_of(wanted_pose, transform, device),
+        "wanted": poses_of("wanted_pose", wanted_pose, device, wanted & finite),
         "wanted_status": array_of(tries, int, device),
         "start": array_of(state.q_rad, vec7, device), "status": status,
         "believed": believed, "actual": actual, "time": time, "path": path, "end": end},
@@ -152,7 +154,7 @@ def move_hand(
         "body": "world?", "body_pose": "world", "move_status": "world probe",
         "actual": "world probe", "status": "world probe grasp", **shapes}, {
         "scene": scene, "body": array_of(body, int, device),
-        "body_pose": array_of(body_pose, transform, device),
+        "body_pose": poses_of("body_pose", body_pose, device),
         "move_status": status, "actual": actual, "status": ready,
         **given}, device=device)
     ready_host = ready.numpy().copy()

@@ -13,8 +13,8 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.core.array_checks import check_array
-from warpgrasp.core.dtypes import transform, vec3, vec4
-from warpgrasp.core.kernel_launch import array_of, launch
+from warpgrasp.core.dtypes import vec3, vec4
+from warpgrasp.core.kernel_launch import array_of, launch, poses_of
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand, _links_kernel
 from warpgrasp.mechanism.utah_mit_weight import (
     limit_misfit,
@@ -66,7 +66,7 @@ def hand_links(
     `hand_pose` (pose, 7) is position [m] and quaternion xyzw, `q_rad` (pose, finger 4, joint 4).
     Returns points [m], shape (pose, 4, 5, 3): base, three flexion joints, tip centre; and unit
     palmar normals, shape (pose, 4, link 3, 3); both in the frame of `hand_pose`. Raises TypeError
-    and ValueError for other arrays.
+    and ValueError for other arrays, and ValueError for a pose that is no place and unit quaternion.
     """
     check_array("hand_pose", hand_pose, "numbers", "pose 7")
     check_array("q_rad", q_rad, "numbers", "pose 4 4", pose=len(hand_pose))
@@ -77,7 +77,7 @@ def hand_links(
            {"hand_pose": "pose", "q": "pose finger", "joint_point": "pose finger 5",
             "palmar": "pose finger 3"},
            {"hand": hand_of(table),
-            "hand_pose": array_of(hand_pose, transform, device),
+            "hand_pose": poses_of("hand_pose", hand_pose, device),
             "q": array_of(q_rad, vec4, device),
             "joint_point": points, "palmar": palmar}, device=device)
     return points.numpy().copy(), palmar.numpy().copy()

@@ -19,7 +19,7 @@ from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.chain.chain_move import palm_bars
 from warpgrasp.chain.chain_pads import own_pads, pad_places
 from warpgrasp.chain_closing.chain_path import no_chain_errors
-from warpgrasp.core.array_checks import check_range
+from warpgrasp.core.array_checks import check_poses, check_range
 from warpgrasp.core.dtypes import real, transform
 from warpgrasp.core.kernel_launch import ShapeError, launch
 from warpgrasp.core.struct_array import Records, record_type
@@ -154,7 +154,8 @@ def guarded_line(
     `body` (world or 1,), `body_pose` (world, 7), `key` (world,) uint64, `errors` of the true
     robots, whose tables are `true` (those believed unless given), `arm_q_rad` (row, 7) where the
     arms stand. Worlds not among `move.rows` cost nothing. Raises ShapeError, and ValueError for a
-    body, a world or a finger that there is not.
+    body, a world or a finger that there is not, and for a pose of an object (of a world that moves)
+    that is no place and unit quaternion.
     """
     check_range("body", body, 0, scene.bodies - 1)
     check_rows(move.rows, len(key))
@@ -172,6 +173,7 @@ def guarded_line(
             raise ShapeError(f"guarded line: {name!r} has shape {np.shape(value)}, "
                              f"wants {column.shape}")
         column[...] = value
+    check_poses("body_pose", body_pose, np.isin(np.arange(len(body_pose)), move.rows))
     speed = np.linalg.norm(move.direction, axis=1)
     robot = _robot(arm, hand, true_hand, pads, contact or ContactTable(), errors, move.finger,
                    device, chain_of_table(hand), serial_model(arm))

@@ -5,7 +5,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from warpgrasp.core.array_checks import check_array, check_finite, check_range
+from warpgrasp.core.array_checks import check_array, check_finite, check_poses, check_range
 
 _ROUNDED = 1e-6
 """By how much a unit vector may be longer."""
@@ -78,8 +78,8 @@ class LineMove:
     """One guarded line for some of the worlds, row by row.
 
     Raises TypeError for what are no numbers, ValueError for arrays of other shapes, numbers that
-    are not finite, commands of no step, directions longer than 1, negative intervals, and steps
-    that are no whole numbers from 0.
+    are not finite, poses that are no places and unit quaternions, commands of no step, directions
+    longer than 1, negative intervals, and steps that are no whole numbers from 0.
     """
 
     rows: np.ndarray
@@ -106,6 +106,7 @@ class LineMove:
     def __post_init__(self) -> None:
         rows = len(self.rows)
         check_array("hand_pose", self.hand_pose, "numbers", "row 7", row=rows)
+        check_poses("hand_pose", self.hand_pose)
         check_array("direction", self.direction, "numbers", "row 3", row=rows)
         check_array("commands_rad", self.commands_rad, "numbers", "finger step joint")
         if self.commands_rad.size == 0:
