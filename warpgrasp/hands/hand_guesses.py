@@ -44,6 +44,9 @@ _OPPOSED = -0.5
 _CENTRED = 0.05
 """Shapes are about their frame's origin if their middle is nearer to it than this share of their
 farthest point [est]."""
+_EVEN = 0.03
+"""Fingers stand evenly about an axis if a turn takes each to the next but for this share of how far
+off the axis they reach [est]."""
 
 Bending = tuple[tuple[HandJoint, ...], ...]
 """The joints that bend each finger."""
@@ -55,7 +58,7 @@ def with_guesses(model: HandModel) -> HandModel:
     model = replace(model, thumb=guessed_thumb(_closing(model, bending)))
     turned = _against_fingers(model, bending)
     guessed = _closing(model, bending, turned)
-    if not _is_gripper(guessed):
+    if not _is_gripper(guessed) and _even_axis(guessed) is None:
         guessed = _closing(model, bending, turned, OPEN)
     return replace(guessed, grasp_frame=guessed_frame(guessed))
 
@@ -92,6 +95,24 @@ def _is_gripper(model: HandModel) -> bool:
     """Whether two fingers begin to close against each other."""
     ways = _first_ways(model, _open(model))
     return bool((ways @ ways.T).min() < _OPPOSED)
+
+
+def _even_axis(model: HandModel) -> np.ndarray | None:
+    """The axis, a unit vector (3,), about which three fingers or more stand evenly, at rest and
+    closed; it points from their bases to their tips. None of other hands."""
+    base = np.array([finger.joints[0].place[:3] for finger in model.fingers])
+    if len(base) < 3:
+        return None
+    ends = np.stack([_angles(model), posture_angles(model, model.posture("closed"))])
+    points = np.concatenate([base[None], finger_tips(model, ends)]) - base.mean(0)
+    u, v, axis = np.linalg.svd(points[0])[2]
+    v *= np.linalg.det([u, v, axis])  # right-handed
+    across, along = points @ u + 1j * (points @ v), points @ axis
+    across = across[:, np.argsort(np.angle(across[0]))]
+    off = np.abs(across * np.exp(2j * np.pi / len(base)) - np.roll(across, -1, axis=1))
+    if max(off.max(), np.ptp(along, axis=1).max()) >= _EVEN * np.abs(across).max():
+        return None
+    return axis if along.sum() > 0.0 else -axis
 
 
 def _first_ways(model: HandModel, q_rad: np.ndarray) -> np.ndarray:
@@ -163,7 +184,8 @@ def guessed_thumb(model: HandModel) -> str:
 def guessed_frame(model: HandModel) -> Place:
     """In the palm's frame: z is where the tips of straight fingers go first when the hand closes,
     or, if the open thumb's tip goes the other way, where the open fingers point; x leads from the
-    fingers' bases to the thumb's; the origin is the middle between them."""
+    fingers' bases to the thumb's; the origin is the middle between them. Of fingers that stand
+    evenly about an axis z is that axis, and the origin the middle of all bases."""
     open_ = _open(model)
     base = np.array([finger.joints[0].place[:3] for finger in model.fingers])
     tip = finger_tips(model, open_[None])[0]
@@ -177,6 +199,8 @@ def guessed_frame(model: HandModel) -> Place:
         if _unit(ways[~is_thumb].mean(0)) @ ways[is_thumb][0] > _OPPOSED and ways[~is_thumb].any():
             # Tips of fingers that are bent go towards the wrist, too; those of straight ones not.
             z = _unit(_first_ways(model, _angles(model))[~is_thumb].mean(0))
+    if (axis := _even_axis(model)) is not None:
+        z, middle = axis, base.mean(0)
     z = z if z.any() else np.array([0.0, 0.0, 1.0])
     x = _unit(x - z * (x @ z))
     if not x.any():
