@@ -86,10 +86,11 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
               reconstruct: str | None, device: str, hand: str, arm: str,
               rest: dict[str, Any]) -> list[Path]:
     """Runs the episode with the arguments' objects, strategy, robot and word; files come back."""
-    from sweeps.output import init_warp, quiet_stdout
+    from sweeps.output import init_warp, note, quiet_stdout
     from sweeps.result_file import make_folder
     from sweeps.spec.errors import StoreError
-    from sweeps.spec.objects import object_of_argument
+    from sweeps.spec.objects import floating_notes, object_of_argument
+    from sweeps.spec.study import Body
 
     with quiet_stdout():
         init_warp()
@@ -99,6 +100,8 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         table = object_of_argument(object_, units, stable_pose)
         if units is not None and "mesh" not in table:
             raise StoreError(f"--units: is of a mesh file; {object_} is none")
+        for line in floating_notes([Body(table["name"], table)]):
+            note(line)
         robot = _robot_of_arguments(hand, arm, chosen)
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))

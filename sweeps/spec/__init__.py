@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "hands": ["TORQUES", "hands_of", "misfit_of", "read_hand", "sense_of"],
     "named_files": ["KEPT", "UNSWEPT", "names_of", "read_arm",
         "read_reconstruct", "with_models"],
-    "objects": ["files_digest", "object_of_argument", "read_objects"],
+    "objects": ["files_digest", "floating_notes", "object_of_argument", "read_objects"],
     "reader": ["read_spec", "spec_text"],
     "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
         "with_points"],

@@ -1,7 +1,7 @@
 """The `objects` of a spec: catalogue names, meshes, compounds, superquadrics."""
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +95,22 @@ def object_of_argument(what: str, units: str | None,
                      "stable_pose": stable_pose}
     _build(table, Path())
     return table
+
+
+def floating_notes(bodies: Iterable[Body]) -> Iterator[str]:
+    """What to say of meshes and compounds of which parts float, each built again for it."""
+    from warpgrasp.objects.catalogue import body_from_table
+    from warpgrasp.objects.floating import floating_parts
+
+    for body in bodies:
+        if not {"mesh", "compound"} & body.table.keys() or member_of_family(body.name):
+            continue
+        for part in floating_parts(body_from_table(body.table, Path())):
+            low, high = (f"{1e3 * z:.0f}" for z in (part.low_m[2], part.high_m[2]))
+            x, y = (f"{500 * (part.low_m[k] + part.high_m[k]):.0f}" for k in (0, 1))
+            yield (f"{body.name}: a part floats: that from {low} to {high} mm above the table, "
+                   f"about x {x} and y {y} mm, touches neither the table nor another part; fingers "
+                   "feel it there. Lower it, or join it to the rest")
 
 
 def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:

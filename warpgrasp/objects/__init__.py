@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "catalogue_names": ["BODY_NAMES", "FAMILY_NAMES", "MOST_SEED", "NAME_LIMIT", "NONE_OF_THESE",
         "NO_ANSWER", "PUBLIC", "SETS", "family_hint", "member_of_family"],
     "families": ["family_table"],
+    "floating": ["floating_parts"],
     "mesh_import": ["body_from_mesh", "mesh_triangles"],
     "mesh_orientation": ["mesh_distance", "mesh_gap", "mesh_of", "simple_mesh_distance"],
     "stable_pose": ["body_in_stable_pose", "stable_poses"],
