@@ -14,6 +14,7 @@ from strategies.procedures.depth_prior import (
     CLEARED,
     ON_SURFACE,
     SeenBox,
+    _unseen_top,
     believed_after,
     or_drawn,
     see_box,
@@ -23,6 +24,7 @@ from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.families import family_table
 from warpgrasp.parameters import ArmTable, HandTable, SensorTable, StereoTable
 from warpgrasp.robot import Robot, Truth
+from warpgrasp.sight.depth_view import DepthView
 
 WORLDS = 5
 YAW = np.linspace(0.0, 2.5, WORLDS)
@@ -137,3 +139,18 @@ def test_where_nothing_is_seen_the_drawn_box_stands() -> None:
     assert (given.half_m == 0.03).all()
     assert np.isnan(given.view.depth_m).all()
     assert np.isfinite(begin_occupancy(given, RADIUS_M).hit).all()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 0.5, 0.8, 1.0, 1.7])
+def test_what_is_added_to_a_height_is_what_rows_miss_in_the_mean(share: float) -> None:
+    """A top as high in the image as a `share` of a row, and rows anywhere: where none meets it,
+    the highest row on the face below it is so far from the edge."""
+    pixel, wide, focal = 0.007, 0.063, 100.0
+    row = np.random.default_rng(3).uniform(0.0, 1.0, 200_000)  # the lowest above the face's edge
+    missed = np.where(row < share, 0.0, 1.0 - row).mean()
+    above = share * pixel / (wide + pixel) * pixel * focal
+    view = DepthView(np.array([[-0.5, 0.0, 0.1 + above]]), np.eye(3)[None], np.array([focal]),
+                     np.zeros((1, 2, 2)))
+    points = np.array([[[-wide / 2, 0.0, 0.1], [wide / 2, 0.0, 0.1], [0.2, 0.0, 0.05]]])
+    added = _unseen_top(view, points, np.array([0.1]), np.array([pixel]))
+    assert added[0] == pytest.approx(missed * pixel, abs=2e-5)

@@ -2,6 +2,7 @@
 
 from contextlib import nullcontext
 from dataclasses import fields
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,14 @@ import pytest
 from fit.fit_status import FitStatus
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
-from sweeps.cli.tools.fit_advice import _open_turn_rad, revolution_advice
+from fit.superquadric import uncertainty
+from fit.superquadric.record import SuperquadricFit
+from sweeps.cli.tools.fit_advice import (
+    WIDE_FACTOR,
+    _open_turn_rad,
+    revolution_advice,
+    vague_superquadrics,
+)
 from sweeps.cli.tools.fit_points import BELOW_M, BELOW_SHARE, INWARD_M, _check_table, inward
 from sweeps.spec.errors import StoreError
 
@@ -58,3 +66,23 @@ def test_a_table_may_be_above_few_touches_or_by_little(
     touches[:int(100 * share), 2] = z_m
     with pytest.raises(StoreError, match=wrong) if wrong else nullcontext():
         _check_table(one_set(touches), 0.0)
+
+
+def test_touches_tell_little_where_the_interval_of_a_volume_is_wide(
+        monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of spheres that are touched all around; whose fit failed is not asked about."""
+    high = np.array([0.99 * WIDE_FACTOR, 1.01 * WIDE_FACTOR, 1.01 * WIDE_FACTOR])
+    monkeypatch.setattr(uncertainty, "superquadric_uncertainty", lambda bodies, *_, **__:
+                        SimpleNamespace(volume_interval_m3=lambda: np.stack(
+                            [np.full(len(bodies), 1e-4), 1e-4 * high[:len(bodies)]], axis=1)))
+    values: dict[str, Any] = dict.fromkeys((f.name for f in fields(SuperquadricFit)), np.zeros(3))
+    found = SuperquadricFit(**values | {
+        "size_m": np.full((3, 3), 0.03), "exponents": np.ones((3, 2)),
+        "position_m": np.zeros((3, 3)), "quaternion_xyzw": np.tile([0.0, 0.0, 0.0, 1.0], (3, 1)),
+        "taper": np.zeros((3, 2)), "bend": np.zeros((3, 2)),
+        "status": np.array([FitStatus.converged, FitStatus.not_converged,
+                            FitStatus.too_few_points])})
+    way = np.random.default_rng(2).normal(size=(3, 60, 3))
+    touches = 0.03 * way / np.linalg.norm(way, axis=2, keepdims=True)
+    vague = vague_superquadrics(found, touches, np.ones((3, 60), bool), None)
+    assert vague.tolist() == [False, True, False]

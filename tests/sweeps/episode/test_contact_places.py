@@ -4,15 +4,19 @@ import csv
 import io
 from dataclasses import replace
 from itertools import combinations_with_replacement
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
+from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.contact_verdict import NEAR_M
 from sweeps.episode.contact_rows import (
     VECTORS,
     _distinct,
+    _judged,
     contact_columns,
     contact_tables,
     contacts_csv,
@@ -122,3 +126,15 @@ def test_columns_of_a_covariance_are_those_of_their_names() -> None:
     for one, other in combinations_with_replacement(range(3), 2):
         name = f"var_{axes[one]}_m2" if one == other else f"cov_{axes[one]}{axes[other]}_m2"
         assert found[name] == 3 * one + other + 1
+
+
+def test_contacts_as_low_as_the_table_are_the_tables_whatever_else_is_said_of_them() -> None:
+    """Also those that the body explains; what has no place has no verdict."""
+    height = TABLE_MARGIN_M + np.array([-1e-3, 0.0, 1e-6, -1e-3, 1e-6, np.nan])
+    given = np.array(["", "", "", "accepted", "accepted", "accepted"], object)
+    columns = {"world": np.zeros(6, int), "x_m": np.zeros(6), "y_m": np.zeros(6), "z_m": height,
+               "verdict": given}
+    found: Any = SimpleNamespace(status=np.zeros(1), gaps=lambda points, mask: np.zeros(mask.shape))
+    judged = _judged(columns, found)
+    assert judged["verdict"].tolist() == ["table", "table", "accepted", "table", "accepted", ""]
+    np.testing.assert_array_equal(judged["accepted"], [0.0, 0.0, 1.0, 0.0, 1.0, np.nan])
