@@ -99,12 +99,14 @@ def object_of_argument(what: str, units: str | None,
 
 def floating_notes(bodies: Iterable[Body]) -> Iterator[str]:
     """What to say of meshes and compounds of which parts float, each built again for it."""
+    asked = [body for body in bodies if {"mesh", "compound"} & body.table.keys()
+             and not member_of_family(body.name)]
+    if not asked:
+        return
     from warpgrasp.objects.catalogue import body_from_table
     from warpgrasp.objects.floating import floating_parts
 
-    for body in bodies:
-        if not {"mesh", "compound"} & body.table.keys() or member_of_family(body.name):
-            continue
+    for body in asked:
         for part in floating_parts(body_from_table(body.table, Path())):
             low, high = (f"{1e3 * z:.0f}" for z in (part.low_m[2], part.high_m[2]))
             x, y = (f"{500 * (part.low_m[k] + part.high_m[k]):.0f}" for k in (0, 1))
