@@ -2,8 +2,6 @@
 
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
 WELDED = 1e-5
@@ -33,6 +31,10 @@ def welded_faces(
 
     Of vertices that are one the first stands for all; none is moved.
     """
+    # Imported here: only meshes that are open need them, and they take time to import.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
     near = WELDED * float(np.ptp(vertices, axis=0).max())
     tree = KDTree(vertices)
     if tree.count_neighbors(tree, near) > 2 * MOST_PAIRS:
