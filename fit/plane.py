@@ -21,7 +21,7 @@ TRIPLES = 96
 """Candidate planes per set: with 40 % outliers, all fail with probability 2e-11."""
 SLIVER = 0.1
 """A triangle is a sliver if its relative width is below this fraction of the widest."""
-NARROW = 0.05
+NARROW = 0.1
 """Touches near a plane lie along a line if narrower than this fraction of the widest."""
 TUKEY = 4.685
 """Standard deviations at which the weight is zero: 95 % efficiency on Gaussian residuals."""
@@ -159,11 +159,14 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
     trimmed = np.where(half[:, None], ordered, 0.0).sum(axis=2)
     # Exclude slivers, and planes whose nearest touches lie along a line, unless all are such. The
     # width is relative to the triangle's size, since one with an outlier is far larger than others.
+    # The triangle's own touches do not count: a line and any one touch beside it span a plane.
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=2), axis=3).max(axis=2)
     width = length / np.maximum(edges, 1e-150) ** 2
     sliver = width < SLIVER * width.max(axis=1, keepdims=True)
     farthest = np.take_along_axis(ordered, (sets.count // 2)[:, None, None], axis=2)
-    width = _width(sets.points, (square <= farthest) & sets.mask[:, None])
+    near = (square <= farthest) & sets.mask[:, None]
+    np.put_along_axis(near, index, False, axis=2)
+    width = _width(sets.points, near)
     sliver |= width < NARROW**2 * np.where(sliver, 0.0, width).max(axis=1, keepdims=True)
     best = np.argmin(np.where(sliver, np.inf, trimmed), axis=1)
     rows = np.arange(len(best))
