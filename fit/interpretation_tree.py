@@ -236,7 +236,7 @@ def _verified(
     weak = 1e-3
     extra = weak * np.tile(np.eye(3), (count, 1))
     right = np.concatenate([np.einsum("bti,bti->bt", turned, points) - offset,
-                            weak * (points - centre).reshape(len(kept), -1)], axis=1)
+                            weak * (points - centre).reshape(len(kept), 3 * count)], axis=1)
     position = np.array([np.linalg.lstsq(np.concatenate([matrix, extra]), values, rcond=None)[0]
                          for matrix, values in zip(turned, right, strict=True)]).reshape(-1, 3)
     local = (points - position[:, None]) @ rotation

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from fit.interpretation_tree import interpret, model_of_planes
+from fit.interpretation_tree import interpret, interpret_sets, model_of_planes
 from fit.polyhedron import polyhedron_distance, polyhedron_mesh
 
 CUBE = np.concatenate([np.eye(3), -np.eye(3)])
@@ -72,3 +72,16 @@ def test_planes_that_are_none_are_refused(number: float) -> None:
 def test_no_touch_lies_on_a_body_that_planes_leave_nothing_of() -> None:
     nothing = model_of_planes("nothing", CUBE, -np.tile(SIZE_M, 2))
     assert interpret(np.eye(3), np.eye(3), nothing, angle_rad=0.1, distance_m=0.01) == []
+
+
+def test_touches_of_parallel_faces_tell_no_turn_and_do_not_disturb_others() -> None:
+    box = model_of_planes("box", CUBE, np.tile(SIZE_M, 2))
+    parallel = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    limits = {"angle_rad": 0.1, "distance_m": 0.002}
+    assert interpret(parallel * SIZE_M, parallel, box, **limits) == []
+    both = np.stack([parallel, np.eye(3)[:2]])
+    none, found = interpret_sets(both * SIZE_M, both, box, **limits)
+    assert none == []
+    assert len(found) > 0
+    assert [one.assignment for one in found] == [
+        one.assignment for one in interpret(both[1] * SIZE_M, both[1], box, **limits)]
