@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from warpgrasp.touch.pad import read_pads
 
 EXACT_ARM = ArmTable(encoder_step_rad=0.0, repeatability_m=0.0)
 EXACT = SensorTable(joint_noise_rad=0.0)
+HAND = HandTable()
 QUIET = PadTable(noise_counts=0.0, gain_spread=0.0, repeatability=0.0, dead_fraction=0.0)
 INWARD = np.array([1.0, 0.0, 0.0])
 POKE_RAD = extended_finger(HandTable(), PadTable()).commands_rad
@@ -155,25 +157,23 @@ def test_what_the_finger_truly_does_is_not_what_is_believed(radius: float) -> No
 
 
 def test_servo_torques_balance_the_pad() -> None:
-    """Virtual work: K (command - q) . dq = pad force . dx for each joint, an independent check."""
+    """The energy of servos and of all taxels, each a spring, has no slope where the finger rests:
+    an independent check."""
     robot, truth = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
     touch = poke(robot)
-    q, force = touch.q_rad[0], truth.lines[0].force_N[0]
+    assert truth.lines[0].force_N[0] > 0.05
+
+    def pressed(q: np.ndarray) -> float:
+        """Energy of the taxels [J], none of which is pressed flat."""
+        read = read_pads(robot._scene, np.zeros(1, int), truth.body_pose, robot.hand, QUIET,
+                         np.zeros(1, np.uint64), touch.hand_pose, np.tile(q, (1, 4, 1)))
+        return float((read.force_N[0, 0] ** 2).sum() / (2 * QUIET.stiffness_N_m))
+
+    q = touch.q_rad[0]
     torque = HandTable().joint_stiffness_Nm_rad * (POKE_RAD[0, 0] - q)
-    step = 1e-6
-    for joint in range(1, 4):
-        moved = q.copy()
-        moved[joint] += step
-        push = (tip_depth(robot, moved, touch) - tip_depth(robot, q, touch)) / step
-        # The centre of force lies within a millimetre of the cap's pole: torque within 3 %.
-        assert torque[joint] == pytest.approx(force * push, rel=0.03, abs=1e-5)
-
-
-def tip_depth(robot: Robot, q: np.ndarray, touch) -> float:
-    from warpgrasp.mechanism.utah_mit_hand import hand_links
-
-    points, _ = hand_links(robot.hand, touch.hand_pose[:1], np.tile(q, (1, 4, 1)))
-    return float(points[0, 0, 4, 0])
+    slope = [(pressed(q + turn) - pressed(q - turn)) / 2e-6 for turn in 1e-6 * np.eye(4)]
+    np.testing.assert_allclose(slope, torque, atol=2e-6)
+    assert np.abs(torque).max() > 1e-3
 
 
 def test_a_spent_line_and_a_release() -> None:
@@ -236,14 +236,24 @@ def test_lines_of_several_kinds_are_those_made_one_by_one() -> None:
             np.testing.assert_array_equal(getattr(mixed, name)[row], values[row], name)
 
 
-def test_skipping_free_intervals_changes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With a march of almost nothing every interval is looked at: the same touches."""
+SWING_RAD = POKE_RAD + np.radians(np.linspace(-60.0, 0.0, 31))[:, None] * [0.0, 1.0, 0.0, 0.0]
+
+
+@pytest.mark.parametrize("way", [
+    {"gap": 0.02}, {"gap": -0.004, "interval_m": 1e-5, "commands_rad": SWING_RAD}],
+    ids=["arm", "finger"])
+def test_skipping_free_intervals_changes_nothing(
+    way: dict[str, Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a march of almost nothing every interval is looked at: the same touches, whether the arm
+    takes the finger there or the finger swings."""
     quick, _ = robot_before_block(4)
     slow, _ = robot_before_block(4)
-    a = poke(quick, gap=0.02)
+    a = poke(quick, **way)
     monkeypatch.setattr(guarded_motion, "guarded_line",
                         partial(guarded_motion.guarded_line, march_scale=1e-6))
-    b = poke(slow, gap=0.02)
+    b = poke(slow, **way)
+    assert (a.status == ProbeStatus.CONTACT).all()
     np.testing.assert_array_equal(a.steps, b.steps)
     np.testing.assert_array_equal(a.point_m, b.point_m)
 
@@ -274,6 +284,54 @@ def test_noise_touches_where_there_are_pads_as_often_as_its_chance_says(links) -
     went = np.multiply.outer(touch.steps * 0.001, [0.0, 0.0, -1.0])
     for pose in (touch.hand_pose, truth.hand_pose):
         np.testing.assert_allclose(pose[:, :3], [0.45, 0.0, 0.5] + went, atol=1e-6)
+
+
+def test_other_fingers_that_strike_the_table_end_a_line() -> None:
+    """The finger that feels is bent away; the others, straight, are as long as their links."""
+    robot, _ = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
+    commands = np.zeros((4, 1, 4))
+    commands[1, 0, 1] = np.pi / 2
+    long = HAND.abduction_offset_m + sum(HAND.link_length_m) + HAND.link_radius_m
+    pose = np.array([[0.45, 0.2, long + 0.0205, 1.0, 0.0, 0.0, 0.0]])
+    touch = robot.guarded_line(np.zeros(1, int), pose, np.array([[0.0, 0.0, -1.0]]),
+                               interval_m=0.001, steps=40, finger=1, commands_rad=commands)
+    assert touch.status[0] == ProbeStatus.BLOCKED
+    assert touch.steps[0] == 21
+
+
+@pytest.mark.parametrize(("height", "status"), [
+    (0.030, ProbeStatus.NO_CONTACT), (-0.030, ProbeStatus.COLLISION)])
+def test_a_checked_way_to_the_start_is_barred_by_what_stands_in_it(
+    height: float, status: ProbeStatus
+) -> None:
+    """From one side of the block to the other, straight fingers above its top or below it."""
+    robot, truth = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
+    long = HAND.abduction_offset_m + sum(HAND.link_length_m) + HAND.link_radius_m
+
+    def line(y: float, checked: bool):
+        pose = np.array([[0.45 + HAND.palm_gap_m / 2, y, 0.120 + long + height, 1.0, 0, 0, 0]])
+        return robot.guarded_line(np.zeros(1, int), pose, np.array([[0.0, 0.0, 1.0]]),
+                                  interval_m=0.001, steps=0, finger=1,
+                                  commands_rad=np.zeros((4, 1, 4)), checked=checked)
+
+    assert line(-0.15, checked=False).status[0] == ProbeStatus.NO_CONTACT
+    before = truth.lines[-1].hand_pose[0]
+    touch = line(0.15, checked=True)
+    assert touch.status[0] == status
+    if status == ProbeStatus.COLLISION:  # the hand stays where it was
+        np.testing.assert_allclose(touch.hand_pose[0, :3], before[:3], atol=1e-6)
+    assert line(0.15, checked=False).status[0] == ProbeStatus.NO_CONTACT
+
+
+def test_the_arm_errs_by_its_repeatability_along_each_axis_for_itself() -> None:
+    n, sigma = 2000, 1e-3
+    robot, truth = robot_before_block(n, arm=replace(EXACT_ARM, repeatability_m=sigma),
+                                      sensors=EXACT, errors=ErrorTable.none())
+    pose = np.tile([0.45, 0.0, 0.5, 1.0, 0.0, 0.0, 0.0], (n, 1))
+    touch = robot.guarded_line(np.arange(n), pose, np.tile(INWARD, (n, 1)), interval_m=0.001,
+                               steps=0, finger=1, commands_rad=np.zeros((4, 1, 4)))
+    off = (truth.lines[0].hand_pose - touch.hand_pose)[:, :3] / sigma
+    np.testing.assert_allclose(off.T @ off / n, np.eye(3), atol=5 / np.sqrt(n))
 
 
 def test_what_goes_fast_beside_it_changes_no_line() -> None:
