@@ -105,6 +105,38 @@ def test_gains_last_for_an_episode_and_differ_between_taxels() -> None:
             != press(body, poses, noisy, reading=1).counts).any()
 
 
+def test_no_two_pads_share_noise_or_dead_taxels() -> None:
+    """Of taxels without load: one that never reads a count in many readings is dead."""
+    pads = replace(PadTable(), middle=True, proximal=True, noise_counts=3.0, dead_fraction=0.5)
+    far = np.array([[0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]])
+    read = np.array([press(FLAT[0], far, pads, reading=n).counts[0].reshape(12, -1)
+                     for n in range(30)])
+    alive = (read > 0).any(0)
+    assert alive.mean() == pytest.approx(0.5, abs=0.04)
+    every = press(FLAT[0], far, replace(pads, dead_fraction=0.0)).counts[0].reshape(12, -1)
+    for of_pads in (alive.astype(float), every.astype(float)):
+        alike = np.corrcoef(of_pads) - np.eye(12)
+        assert np.abs(alike).max() < 5 / np.sqrt(256)
+
+
+def test_a_taxel_errs_by_its_repeatability_and_by_noise_apart() -> None:
+    """Variances of both add up."""
+    body, point, palmar = FLAT
+    poses = np.tile(hand_at(point + palmar * 0.0004, palmar), (400, 1))
+
+    def deviation(repeatability: float, noise: float) -> float:
+        pads = replace(QUIET, repeatability=repeatability, noise_counts=noise)
+        counts = read_pads(
+            scene_of([body], "cpu"), np.zeros(1, int), np.tile(AWAY, (400, 1)), HandTable(), pads,
+            np.arange(400).astype(np.uint64), poses, np.tile(STRAIGHT, (400, 1, 1))).counts[:, 0, 2]
+        one = np.unravel_index(counts.mean(0).argmax(), (16, 16))
+        assert 50 < counts[:, *one].mean() < 200
+        return float(counts[:, *one].std())
+
+    assert deviation(0.06, 6.0) == pytest.approx(
+        np.hypot(deviation(0.06, 0.0), deviation(0.0, 6.0)), rel=0.12)
+
+
 def test_dead_pads_read_nothing_and_pads_can_be_switched() -> None:
     body, point, palmar = FLAT
     poses = np.stack([hand_at(point + palmar * 0.0005, palmar)])

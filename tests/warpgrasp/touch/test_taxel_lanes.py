@@ -1,13 +1,22 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Taxels read side by side say what they say one by one."""
+"""Taxels read side by side say what they say one by one; what is told of counts and images."""
 
 import numpy as np
 import pytest
 import warp as wp
 
-from warpgrasp.core.dtypes import real
+from warpgrasp.core.dtypes import real, vec2
 from warpgrasp.core.random_kernel import counter_key
-from warpgrasp.touch.pad_kernel import Pad, unloaded_count
+from warpgrasp.parameters import HandTable, PadTable
+from warpgrasp.touch.pad import pad_of
+from warpgrasp.touch.pad_kernel import (
+    Pad,
+    depth_read,
+    taxel_count,
+    taxel_spring,
+    unloaded_count,
+)
+from warpgrasp.touch.pad_readout import image_centroid
 from warpgrasp.touch.taxel_lanes import TAXELS_AT_ONCE, read_unloaded
 
 wp.set_module_options({"max_unroll": 1})
@@ -51,3 +60,53 @@ def test_counts_are_those_of_one_taxel_at_a_time(noise: float, dead: float) -> N
     expected = 0.0 if noise == 0.0 else (1.0 - dead) * float(
         (np.random.default_rng(0).standard_normal(400_000) * noise >= 0.5).mean())
     assert share == pytest.approx(expected, abs=0.01)
+
+
+@wp.kernel(enable_backward=False)
+def told(pad: Pad, depth: wp.array[real], count: wp.array[real], read: wp.array2d[real]):
+    i = wp.tid()
+    half = real(0.5)
+    count[i] = real(taxel_count(pad, taxel_spring(pad, depth[i])[0], wp.uint64(1), wp.uint64(2)))
+    read[i, 0] = depth_read(pad, count[i] - half)
+    read[i, 1] = depth_read(pad, count[i] + half)
+
+
+@pytest.mark.parametrize("law", ["exponential", "inverse_power"])
+def test_a_count_tells_how_deep_its_taxel_is_pressed(law: str) -> None:
+    """Within half a count, also of one that is pressed flat."""
+    pad = pad_of(PadTable(law=law, saturation_N=3.0, force_scale_N=1.0, gain_spread=0.0,
+                          repeatability=0.0, noise_counts=0.0, dead_fraction=0.0), HandTable())
+    depth = np.linspace(0.1, 1.09, 500) * PadTable().thickness_m
+    count = wp.zeros(len(depth), dtype=real, device="cpu")
+    read = wp.zeros((len(depth), 2), dtype=real, device="cpu")
+    wp.launch(told, len(depth), [pad, wp.array(depth, dtype=real, device="cpu"), count, read],
+              device="cpu")
+    low, high = read.numpy().T
+    known = count.numpy() < 255
+    assert (known & (depth > PadTable().thickness_m)).sum() > 20
+    assert (low <= depth + 1e-12)[known].all()
+    assert (depth <= high + 1e-12)[known].all()
+
+
+@wp.kernel(enable_backward=False)
+def middles(image: wp.array3d[wp.uint8], peak: wp.array[int], least: real, out: wp.array[vec2]):
+    i = wp.tid()
+    out[i] = image_centroid(image, i, peak[i], least)
+
+
+def test_a_centroid_is_that_of_the_counts_around_the_strongest_taxel() -> None:
+    """Of no more than three taxels each way, and of none that noise may have raised."""
+    rng = np.random.default_rng(6)
+    images = rng.integers(0, 200, (300, 16, 16)).astype(np.uint8)
+    peaks = rng.integers(0, 256, 300)
+    images.reshape(300, -1)[np.arange(300), peaks] = 250
+    out = wp.zeros(300, dtype=vec2, device="cpu")
+    wp.launch(middles, 300, [wp.array(images, device="cpu"), wp.full(300, 250, dtype=int,
+                                                                     device="cpu"), 60.0, out],
+              device="cpu")
+    for image, peak, found in zip(images, peaks, out.numpy(), strict=True):
+        row, column = np.mgrid[:16, :16]
+        near = np.maximum(abs(row - peak // 16), abs(column - peak % 16)) <= 3
+        weight = np.where(near & (image >= 60), image, 0.0)
+        wanted = [(weight * place).sum() / weight.sum() for place in (row, column)]
+        np.testing.assert_allclose(found, wanted, rtol=1e-12)
