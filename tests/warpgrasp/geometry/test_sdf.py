@@ -10,7 +10,12 @@ from scipy.spatial import cKDTree
 
 from fit.superquadric.geometry import superquadric, superquadric_surface
 from warpgrasp.core.kernel_launch import ShapeError
-from warpgrasp.geometry.body import Body, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import (
+    Body,
+    distance_to_bodies,
+    scene_of,
+    signed_distance_to_bodies,
+)
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.catalogue_names import BODY_NAMES
 
@@ -20,6 +25,10 @@ EXACT = [body_from_name(name) for name in BODY_NAMES] + [
         ("pill", {"shape": "capsule", "radius_mm": 20, "height_mm": 90}),
         ("lying", {"shape": "cylinder", "radius_mm": 20, "height_mm": 80,
                    "rpy_deg": [90, 0, 30], "at_mm": [5, 0, 20]}))]
+JOINED = [body_from_table({"name": join, "compound": [
+    {"shape": "cylinder", "radius_mm": 30, "height_mm": 90},
+    {"shape": "sphere", "join": join, "radius_mm": 30, "at_mm": [20, 0, 30]}]}, Path())
+    for join in ("union", "difference", "intersection")]
 coordinate = st.floats(-0.15, 0.15)
 point = st.tuples(coordinate, coordinate, st.floats(-0.1, 0.4))
 
@@ -51,6 +60,14 @@ def test_gradients_are_unit_and_match_finite_differences(body: Body) -> None:
     smooth = np.abs(np.linalg.norm(slope, axis=1) - 1.0) < 1e-4  # away from the medial axis
     assert smooth.mean() > 0.95
     assert np.abs(slope - g)[smooth].max() < 1e-4
+
+
+@pytest.mark.parametrize("body", [*EXACT, *JOINED], ids=lambda b: b.name)
+def test_distances_alone_are_those_told_with_their_gradients(body: Body) -> None:
+    """By functions of their own, which need fewer roots."""
+    points = np.random.default_rng(4).uniform((-0.12, -0.12, -0.05), (0.12, 0.12, 0.35), (2000, 3))
+    alone = signed_distance_to_bodies(scene_of([body], "cpu"), np.zeros(1, int), points[None])[0]
+    np.testing.assert_allclose(alone, distance(body, points)[0], atol=1e-12)
 
 
 @pytest.mark.parametrize("body", EXACT, ids=lambda b: b.name)

@@ -49,8 +49,19 @@ def sample() -> BodySample:
     return sample_body(body_from_name("block"), surface=2048, inside=3072)
 
 
-def test_scores_are_the_same_side_by_side_and_one_by_one(one_by_one, sample: BodySample) -> None:
-    body = bodies()
+def not_plain() -> Superquadric:
+    """Bodies of which only one at a time can be taken: tapered to a thin end across one axis, and
+    bent."""
+    taper = np.tile([[0.9, 0.1], [0.1, -0.9], [0.2, 0.2]], (WORLDS // 3, 1))
+    bend = np.tile([[0.0, 0.0], [0.0, 0.0], [4.0, 0.5]], (WORLDS // 3, 1))
+    return bodies()._replace(taper=taper, bend=bend)
+
+
+@pytest.mark.parametrize("made", [bodies, not_plain])
+def test_scores_are_the_same_side_by_side_and_one_by_one(
+    made: Callable[[], Superquadric], one_by_one, sample: BodySample
+) -> None:
+    body = made()
     found = []
     for begin in (lambda: None, one_by_one):
         begin()
