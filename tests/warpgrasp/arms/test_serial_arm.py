@@ -116,6 +116,21 @@ def test_a_small_motion_keeps_the_configuration(name: str) -> None:
     assert np.quantile(np.abs(found - q).max(1), 0.98) < 0.15
 
 
+@pytest.mark.parametrize("name", SHIPPED_ARMS)
+def test_of_the_joints_that_other_postures_come_to_the_nearest_are_taken(name: str) -> None:
+    """By the joint that moves most; unless the pose is come to from where the arm is."""
+    model = arm_named(name)
+    last, wanted = postures(model, 400, 3), flange_poses(model, postures(model, 400, 4))
+    found = nearest_joints(model, wanted, last)
+    choices = joint_choices(model, wanted)[:, 1:]
+    moves = np.abs(choices - last[:, None]).max(-1)
+    chosen = (choices == found[:, None]).all(-1)
+    several = chosen.any(1) & (np.isfinite(moves).sum(1) > 2)
+    assert several.sum() > 20
+    for row in np.flatnonzero(several):
+        assert moves[row, chosen[row]].min() == np.nanmin(moves[row])
+
+
 def unlike_arm(seed: int) -> ArmModel:
     """Six joints of which no two axes meet, all limited to less than a turn."""
     draw = np.random.default_rng(seed)
