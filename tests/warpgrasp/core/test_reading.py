@@ -32,9 +32,11 @@ def read(value: np.ndarray, noise: float, step: float) -> tuple[np.ndarray, floa
     return mean.numpy(), float(variance.numpy()[0])
 
 
-@pytest.mark.parametrize(("noise", "step"), [
-    (0.3, 0.05), (0.3, 0.6), (0.3, 0.0), (0.1, 1.0), (0.0, 1.0), (0.0, 0.0)])
-def test_means_err_as_readings_drawn_one_by_one_do(noise: float, step: float) -> None:
+@pytest.mark.parametrize(("noise", "step", "most"), [
+    (0.3, 0.05, 1.5), (0.3, 0.6, 1.5), (0.3, 0.0, 1.5), (0.1, 1.0, 1.5), (0.2, 1.0, 2.3),
+    (0.0, 1.0, 1.5), (0.0, 0.0, 1.5)])
+def test_means_err_as_readings_drawn_one_by_one_do(noise: float, step: float, most: float
+                                                   ) -> None:
     rng = np.random.default_rng(3)
     value = rng.uniform(-20.0, 20.0, COUNT)
     each = value[:, None] + noise * rng.normal(size=(COUNT, READINGS))
@@ -42,9 +44,9 @@ def test_means_err_as_readings_drawn_one_by_one_do(noise: float, step: float) ->
     mean, told = read(value, noise, step)
     off = mean - value
     assert off.std() == pytest.approx(drawn.std(), rel=0.06, abs=1e-12)
-    # Between the two laws the variance told is at most twice as large as it is.
+    # Between the two laws the deviation told is larger than it is, by the factor `most` or less.
     assert 0.95 * off.std() <= np.sqrt(told) + 1e-12
-    assert np.sqrt(told) <= 1.5 * off.std() + 1e-12
+    assert np.sqrt(told) <= most * off.std() + 1e-12
 
 
 def test_without_noise_all_readings_are_the_same() -> None:
