@@ -1,14 +1,20 @@
 """Arm and hand together: 22 joints in, every fingertip in the world out."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind
+from warpgrasp.chain.chain_move import chain_clearance
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
-from warpgrasp.mechanism.arm_motion import ArmState, arm_hand_links, move_hand
+from warpgrasp.mechanism.arm_motion import ArmState, Clearance, arm_hand_links, move_hand
+from warpgrasp.mechanism.calibration import Calibration, draw_calibration
 from warpgrasp.mechanism.puma560 import HOME_RAD, puma_forward_batch
-from warpgrasp.parameters import ArmTable, HandTable
+from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
 
 ARM, HAND = ArmTable(), HandTable()
@@ -79,3 +85,39 @@ def test_a_way_along_a_wall_is_looked_at_to_its_end(gap: float) -> None:
     tips = HAND.abduction_offset_m + sum(HAND.link_length_m) + HAND.link_radius_m
     assert status(tips + 0.001) == ProbeStatus.CONTACT
     assert status(tips - 0.020) == ProbeStatus.COLLISION
+
+
+@pytest.mark.parametrize("errors", [ErrorTable.none(), replace(
+    ErrorTable.none(), joint_offset_rad=0.05, link_length_share=0.1)], ids=["exact", "astray"])
+def test_the_utah_mit_hand_as_a_chain_is_barred_as_by_its_own_numbers(errors: ErrorTable) -> None:
+    """Its approach, from all sides and from beyond the object, too, and fingers that open otherwise
+    for a second grasp."""
+    worlds, probes, wrist = 12, 24, ArmTable(kind="none")
+    rng, key = np.random.default_rng(4), np.arange(worlds, dtype=np.uint64)
+    turn = Rotation.from_euler("xyz", np.stack([
+        np.pi + rng.uniform(-1.7, 1.7, (worlds, probes)),
+        rng.uniform(-1.7, 1.7, (worlds, probes)),
+        rng.uniform(-np.pi, np.pi, (worlds, probes))], -1).reshape(-1, 3))
+    place = rng.uniform([0.25, -0.2, 0.1], [0.65, 0.2, 0.3], (worlds, probes, 3))
+    poses = np.concatenate([place, turn.as_quat().reshape(worlds, probes, 4)], -1)
+    commands = np.zeros((2, 4, 1, 4))
+    commands[1, :, 0, 1:] = np.radians([20.0, 40.0, 40.0])
+    chain = chain_of(hand_of_kind("utah_mit"))
+    own = draw_calibration(errors, key)
+    beside = ((0, 0), (0, 0), (0, 2))
+    as_chain = replace(
+        own, joint_offset_rad=np.pad(own.joint_offset_rad, beside),
+        link_length_share=np.pad(own.link_length_share, ((0, 0), (0, 0), (1, 2))))
+
+    def status(errors: Calibration, clearance: Clearance | None) -> np.ndarray:
+        return move_hand(
+            scene_of([body_from_name("block")], "cpu"), np.zeros(1, int),
+            np.tile([0.45, 0, 0, 0, 0, 0, 1.0], (worlds, 1)), wrist, HAND, key,
+            ArmState.home(worlds, wrist), poses, np.ones((worlds, probes), bool), commands,
+            errors=errors, clearance=clearance)[0].status
+
+    found = status(own, None)
+    barred = (found == ProbeStatus.COLLISION).mean((0, 1))
+    assert ((barred > 0.1) & (barred < 0.8)).all()
+    np.testing.assert_array_equal(found, status(as_chain, chain_clearance(
+        chain, HAND, ContactTable(), as_chain)))
