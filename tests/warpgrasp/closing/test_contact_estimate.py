@@ -1,13 +1,18 @@
 """Believed contacts: torques alone find link and place where the geometry lets them."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
+from reference_posterior import Skin, affine_lever, posterior
 
 from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
+from sweeps.validate.reference_finger import FingerEnergy
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
+from warpgrasp.closing.contact_estimate_kernel import ALONG
+from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
@@ -111,3 +116,53 @@ def test_every_contact_has_a_place_that_hardly_depends_on_hardly_any_friction(
             sigma = np.sqrt(np.trace(rough.covariance_m2, axis1=-2, axis2=-1))
             assert (off < 0.3 * sigma).all()
             assert np.median(off) < 1e-6
+
+
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(friction: float) -> None:
+    """Written out in NumPy, with the hand turned any way, some joints at their upper stops and some
+    at their lower ones."""
+    hand, sensors, errors, contact = HandTable(), SensorTable(), ErrorTable(), ContactTable(
+        friction=friction)
+    closing, pose, commands = readings(4, sensors)
+    closing.q_rad[::2, ..., 1] = 0.5
+    closing.q_rad[0, ..., 2], closing.q_rad[1, ..., 3] = (
+        hand.flexion_high_rad[1], hand.flexion_low_rad[2])
+    rng = np.random.default_rng(2)
+    pose[..., 3:] = rng.normal(size=pose[..., 3:].shape)
+    pose[..., 3:] /= np.linalg.norm(pose[..., 3:], axis=-1, keepdims=True)
+    found = estimate_contacts(closing, pose, commands, ArmTable(), hand, sensors, errors=errors,
+                              contact=contact)
+    arm = np.array(hand.moment_arm_m)
+    read = 2.0 * arm**2 * (sensors.tension_noise_N**2 + sensors.tension_step_N**2 / 12.0
+                           ) / sensors.tension_readings
+    low = np.array([hand.abduction_limit_rad[0], *hand.flexion_low_rad])
+    high = np.array([hand.abduction_limit_rad[1], *hand.flexion_high_rad])
+    cell = max(hand.link_length_m) / ALONG
+    for world, finger in np.ndindex(4, 4):
+        i = world, 0, 0, finger
+        q = closing.q_rad[i]
+        energy = FingerEnergy(body_from_name("block"), hand, pose[world, 0], finger, contact)
+        torque = arm * (closing.tension_N[i] @ [1.0, -1.0]) - energy.drive(q, q)
+        sigma = np.sqrt(read + (0.03 * np.abs(torque).max()) ** 2
+                        + (errors.moment_arm_share * torque) ** 2 + 5e-4**2)
+        held = np.minimum(q - low, high - q) < 3.0 * sensors.joint_noise_rad
+        sigma[held] = 1e150
+        assert found.torque_Nm[i] == pytest.approx(torque, abs=1e-12)
+        assert found.torque_sigma_Nm[i] == pytest.approx(sigma, rel=1e-9)
+        places, axes = energy.chain(q)
+        skins = []
+        for link in range(3):
+            way = (places[link + 1] - places[link]) / hand.link_length_m[link]
+            skins.append(Skin(
+                link, places[link:link + 2], hand.link_radius_m, np.cross(axes[1], way),
+                affine_lever(partial(energy.lever, link, q=q)), (1.0,) if link == 2 else ()))
+        told = posterior(skins, torque, sigma, friction, 3)
+        lever = np.linalg.norm(told.mean - places[0])
+        spread = (cell**2 / 12.0 + place_variance(errors, ArmTable(), max(hand.link_length_m))
+                  + 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2) * lever**2)
+        np.testing.assert_allclose(found.point_m[i], told.mean, atol=1e-5)
+        np.testing.assert_allclose(found.covariance_m2[i], told.covariance + spread * np.eye(3),
+                                   atol=1e-7)
+        np.testing.assert_allclose(found.normal[i], told.normal, atol=1e-3)
+        np.testing.assert_allclose(found.link_weight[i], told.link_weight, atol=1e-3)

@@ -1,0 +1,102 @@
+"""Where a force that explains torques acts, written out in NumPy from the definition.
+
+All places of a finger's skin that may touch are alike by their area, and so are all directions of a
+force there that lean from the normal by friction. A place weighs its area times the likelihood of
+the torques at the best size of its force. The places are the midpoints of the kernels' grid.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from warpgrasp.closing.contact_estimate_kernel import ALONG, AROUND, CAP, LEANS
+
+
+@dataclass(frozen=True)
+class Skin:
+    """The skin of one capsule [m]: its axis (2, 3), its radius, the side that it closes towards."""
+
+    link: int
+    ends: np.ndarray
+    radius: float
+    palmar: np.ndarray
+    lever: Callable[[np.ndarray], np.ndarray]
+    """How points (place, 3) of the link move as each joint turns [m/rad], (place, joint, 3)."""
+    caps: tuple[float, ...] = ()
+    """1 for the round end on the palmar half, -1 for that on the other."""
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """Mean (3,) [m], covariance (3, 3) of the places alone, outward normal of what is touched (3,)
+    and the probability of each link (link,)."""
+
+    mean: np.ndarray
+    covariance: np.ndarray
+    normal: np.ndarray
+    link_weight: np.ndarray
+
+
+def affine_lever(lever: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndarray], np.ndarray]:
+    """The lever of many points by that of one (3,), (joint, 3): it changes evenly with the place.
+    """
+    still = lever(np.zeros(3))
+    slopes = np.array([lever(axis) - still for axis in np.eye(3)])
+    return lambda points: still + np.einsum("pi,ijk->pjk", points, slopes)
+
+
+def posterior(
+    skins: Sequence[Skin], torque: np.ndarray, sigma: np.ndarray, friction: float, links: int,
+    least: float = 1e-300,
+) -> Posterior:
+    """Of torques (joint,) with their deviations [N m]; the square of those of a newton counts as
+    `least`, in units of deviations, where it is less."""
+    turn = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
+    up = np.pi / 2 * (np.arange(CAP) + 0.5) / CAP
+    lean = np.arange(LEANS - 1) * 2 * np.pi / (LEANS - 1)
+    far = np.sqrt(LEANS / (2 * (LEANS - 1)))  # the second moments of a disc, with the normal
+    leans = np.concatenate([[[0.0, 0.0]], far * np.stack([np.cos(lean), np.sin(lean)], 1)])
+    if friction == 0.0:
+        leans = leans[:1]
+    places, ways, weights, gains, numbers = [], [], [], [], []
+
+    def note(skin: Skin, axis: np.ndarray, out: np.ndarray, along: np.ndarray, area: np.ndarray
+             ) -> None:
+        across = np.cross(along, out)
+        skin_m = axis + skin.radius * out
+        force = out[:, None] + friction * (leans[:, :1] * along[:, None]
+                                           + leans[:, 1:] * across[:, None])
+        by = np.einsum("pjk,plk->plj", skin.lever(skin_m), force) / sigma
+        push = np.maximum(by @ (torque / sigma), 0.0)
+        gains.append(push**2 / np.maximum((by**2).sum(-1), least))
+        places.append(skin_m)
+        ways.append(out)
+        weights.append(area)
+        numbers.append(np.full(len(out), skin.link))
+
+    for skin in skins:
+        start, end = skin.ends
+        long = np.linalg.norm(end - start)
+        u = (end - start) / long
+        side = np.cross(u, skin.palmar)
+        out = np.cos(turn)[:, None] * skin.palmar + np.sin(turn)[:, None] * side
+        share = (np.arange(ALONG) + 0.5) / ALONG
+        each = np.repeat(out, ALONG, axis=0)
+        cell = np.pi * skin.radius / AROUND
+        note(skin, np.tile(start + share[:, None] * (end - start), (AROUND, 1)), each,
+             np.broadcast_to(u, each.shape), np.full(len(each), cell * long / ALONG))
+        for half in skin.caps:
+            each, rise = np.repeat(half * out, CAP, axis=0), np.tile(up, AROUND)[:, None]
+            note(skin, np.broadcast_to(end, each.shape), each * np.cos(rise) + u * np.sin(rise),
+                 u * np.cos(rise) - each * np.sin(rise),
+                 cell * np.cos(rise)[:, 0] * np.pi / 2 * skin.radius / CAP)
+    gain = np.concatenate(gains)
+    weight = (np.concatenate(weights)[:, None] * np.exp((gain - gain.max()) / 2)).sum(1)
+    weight /= weight.sum()
+    at, number = np.concatenate(places), np.concatenate(numbers)
+    mean = weight @ at
+    normal = -weight @ np.concatenate(ways)
+    return Posterior(mean, (weight[:, None] * (at - mean)).T @ (at - mean),
+                     normal / np.linalg.norm(normal),
+                     np.array([weight[number == n].sum() for n in range(links)]))
