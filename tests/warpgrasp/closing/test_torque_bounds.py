@@ -14,8 +14,17 @@ from warpgrasp.core.dtypes import HALF, real, vec2, vec4
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
 from warpgrasp.finger.energy import free_equilibrium
-from warpgrasp.finger.torque_bounds import agree, intersect_balls, torque_bound
+from warpgrasp.finger.torque_bounds import (
+    Ball,
+    agree,
+    intersect_balls,
+    may_stop,
+    stop_reading,
+    torque_bound,
+)
 from warpgrasp.geometry.body import scene_of
+from warpgrasp.mechanism.tendon import tendon_sensor_of
+from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ContactTable, HandTable, ObjectTable, SensorTable
 
@@ -75,6 +84,49 @@ def test_torques_lie_in_the_balls_where_contacts_are_convex() -> None:
     assert agreed.all()
     assert (radius[:, 1] <= radius[:, 0] + 1e-12).all()
     assert np.median(radius[:, 1]) < 0.6 * np.median(radius[:, 0])
+
+
+@wp.kernel(enable_backward=False)
+def _stops_kernel(
+    first: int, sensor: TendonSensor, centre: wp.array[vec4], radius: wp.array[real],
+    torque: wp.array[vec4], delta: wp.array[vec4], key: wp.array[wp.uint64],
+    reading: wp.array[real], may: wp.array[int],
+):
+    i = wp.tid() + first
+    ball = Ball()
+    ball.centre = centre[i]
+    ball.radius = radius[i]
+    reading[i] = stop_reading(sensor, torque[i], delta[i], key[i])
+    may[i] = int(may_stop(sensor, ball, delta[i], key[i]))
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.3])
+def test_no_torque_in_a_ball_stops_a_finger_that_it_may_not_stop(noise: float) -> None:
+    """One flexion joint alone, or several, pushed either way, moving either way or not at all."""
+    rng, n = np.random.default_rng(3), 20_000
+    sensors = SensorTable(tension_noise_N=noise, tendon_threshold_N=4.0)
+    centre = rng.normal(scale=0.02, size=(n, 4))
+    radius = rng.uniform(0.0, 0.02, n)
+    way = rng.normal(size=(n, 4)) * (rng.random((n, 4)) < 0.5)
+    length = np.linalg.norm(way, axis=1, keepdims=True)
+    torque = centre + radius[:, None] * way / np.maximum(length, 1e-9)
+    reading, may = (wp.zeros(n, dtype=dtype, device="cpu") for dtype in (real, int))
+    launch(_stops_kernel, {"row": n}, dict.fromkeys(
+        ("centre", "radius", "torque", "delta", "key", "reading", "may"), "row"), {
+        "sensor": tendon_sensor_of(HAND, sensors), "reading": reading, "may": may,
+        "radius": wp.array(radius, dtype=real, device="cpu"),
+        "key": wp.array(counter_key(9, np.arange(n)), dtype=wp.uint64, device="cpu"),
+        **{name: wp.array(values, dtype=vec4, device="cpu") for name, values in (
+            ("centre", centre), ("torque", torque),
+            ("delta", 0.01 * rng.integers(-1, 2, (n, 4))))}}, device="cpu")
+    stops = np.abs(reading.numpy()) > sensors.tendon_threshold_N
+    # Each joint by itself, and either way.
+    alone = np.abs(torque[:, 1:]).max(1) == np.abs(torque[:, 1:]).T
+    for of_joint in alone:
+        assert (stops & of_joint & (reading.numpy() < 0.0)).sum() > 100
+        assert (stops & of_joint & (reading.numpy() > 0.0)).sum() > 100
+    assert (may.numpy()[stops] == 1).all()
+    assert 0.2 < may.numpy().mean() < 0.8
 
 
 def test_a_finger_that_slips_is_told() -> None:
