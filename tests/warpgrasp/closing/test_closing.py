@@ -217,6 +217,16 @@ def test_steps_that_there_are_not_are_refused(more: int) -> None:
                       path, wrong)
 
 
+def test_each_tendon_has_noise_of_its_own() -> None:
+    """Both tendons of abduction, which bears nothing here, are read at the co-contraction."""
+    sensors = SensorTable(tension_step_N=0.0)
+    felt, _ = close_on_cylinder(sensors, worlds=600)
+    read = felt.tension_N[felt.status == ProbeStatus.CONTACT][:, 0] - HAND.co_contraction_N
+    assert len(read) == 1200
+    sigma = sensors.tension_noise_N / np.sqrt(sensors.tension_readings)
+    np.testing.assert_allclose(read.T @ read / 1200 / sigma**2, np.eye(2), atol=5 / np.sqrt(600))
+
+
 def test_slices_over_threads_change_no_bit() -> None:
     try:
         set_thread_count(1)

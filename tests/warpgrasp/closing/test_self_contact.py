@@ -131,3 +131,27 @@ def test_a_press_explains_overlap_turn_and_its_way() -> None:
         doubtful = 1e-4 + (turned**2).sum() * 4e-6 / max(apart, 0.016) ** 2
         assert found[name] == pytest.approx((gap**2 / 4e-6 + left / doubtful).min(), rel=1e-3)
     assert found["16 mm short of it"] > 30.0
+
+
+@wp.kernel(enable_backward=False)
+def _pushed_kernel(  # type: ignore
+    away: wp.array[vec4], free: wp.array[vec4], turn: wp.array[vec4]  # type: ignore
+):
+    i = wp.tid()
+    k = real(2.0)
+    one = vec4(real(1.0), real(1.0), real(1.0), real(1.0))
+    turn[i] = pushed_turn(away[i], vec4(k, k, k, k), free[i], -one, one, real(200.0))  # type: ignore
+
+
+def test_a_joint_that_is_pushed_into_its_stop_hardly_turns() -> None:
+    """At its upper or its lower stop; out of it, it turns as its servo lets it."""
+    free = np.array([-0.99, -0.5, 0.5, 0.99])
+    away = np.array([[1.0, 1.0, 1.0, 1.0], [-1.0, -1.0, -1.0, -1.0]]) * 0.1
+    turn = wp.zeros(2, dtype=vec4, device="cpu")
+    wp.launch(_pushed_kernel, 2, [
+        wp.array(away, dtype=vec4, device="cpu"),
+        wp.array(np.tile(free, (2, 1)), dtype=vec4, device="cpu")], [turn], device="cpu")
+    stiffness = np.full((2, 4), 2.0)
+    stiffness[0, 3] += 200.0
+    stiffness[1, 0] += 200.0
+    np.testing.assert_allclose(turn.numpy(), away / stiffness, rtol=1e-12)
