@@ -7,18 +7,32 @@ import numpy as np
 import pytest
 import trimesh
 import warp as wp
-from chain_closings import ALONE, QUIET, TABLE, close, poses_above, utah_mit_twice
+from chain_closings import (
+    ALONE,
+    ON_TABLE,
+    QUIET,
+    TABLE,
+    close,
+    poses_above,
+    utah_mit_twice,
+)
 from reference_chain import ReferenceChain
+from scipy.spatial.transform import Rotation
 
 from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain import torque_sensor
 from warpgrasp.chain.chain_hand import chain_of, chain_rows, hand_of_kind
+from warpgrasp.chain.chain_kernel import JOINTS
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor
 from warpgrasp.chain_closing import chain_closing
+from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.chain_closing.chain_path import no_chain_errors
+from warpgrasp.geometry.body import scene_of
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Box, Finger, HandModel
+from warpgrasp.mechanism.calibration import draw_calibration
 from warpgrasp.objects.catalogue import body_from_name
+from warpgrasp.parameters import ErrorTable
 from warpgrasp.probe_status import ProbeStatus
 
 
@@ -109,6 +123,68 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
         assert np.abs(energy.felt(q)).max() > QUIET.torque_threshold_Nm
         before = energy.rest(commands[f, step - 1], q)
         assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
+
+
+@pytest.mark.parametrize("kind", ["allegro", "barrett"])
+def test_what_is_read_at_a_stop_is_what_servos_bear_less_the_weight_that_is_believed(kind: str
+                                                                                     ) -> None:
+    """Of links as long as believed, at the angles that are read; times the true sensor's gain."""
+    hand, key = chain_of(hand_of_kind(kind)), np.arange(12, dtype=np.uint64)
+    commands, poses = chain_commands(hand, "curl40"), poses_above(12)
+    errors = draw_calibration(
+        replace(ErrorTable.none(), joint_offset_rad=0.03, link_length_share=0.03,
+                moment_arm_share=0.05), key, fingers=hand.fingers, joints=JOINTS, links=JOINTS)
+    sensors = replace(QUIET, torque_friction_Nm=0.004)
+    body = body_from_name("small_cylinder")
+    felt, truth = close_chains(
+        scene_of([body], "cpu"), np.zeros(1, int), np.tile(ON_TABLE, (12, 1)), hand, TABLE, sensors,
+        key, np.ones((12, 1, 1), int), poses[:, None], commands[None],
+        np.array([commands.shape[1]]), contact=ALONE, errors=errors)
+    stopped = np.argwhere((felt.status == ProbeStatus.CONTACT)[:, 0, 0])
+    assert len(stopped) >= 10
+    for i, f in stopped[:10]:
+        at, drives = (i, 0, 0, f), len(hand.drives[f])
+        weight = ReferenceChain(body, hand, TABLE, matrix_of(tuple(poses[i])), int(f), ALONE)
+        weight.stiffness, weight.skin, weight.stop = 0.0 * weight.stiffness, 0.0, 0.0
+        q = felt.q_rad[at][:drives]
+        assert q == pytest.approx(truth.q_rad[at][:drives] + errors.joint_offset_rad[i, f, :drives],
+                                  abs=1e-12)
+        step = felt.step[at]
+        moving = np.sign(np.round(commands[f, step] - commands[f, max(step - 1, 0)], 12))[:drives]
+        borne = truth.torque_Nm[at][:drives] - weight.slope(q, q)
+        assert felt.torque_Nm[at][:drives] == pytest.approx(
+            (1.0 + errors.moment_arm_share[i, f, :drives]) * borne
+            + sensors.torque_friction_Nm * moving, abs=1e-7)
+
+
+def test_a_switch_closes_at_the_first_step_whose_force_on_its_link_suffices() -> None:
+    """On the table, too."""
+    hand = chain_of(replace(hand_of_kind("allegro"), senses="tip_switches"))
+    commands, force = chain_commands(hand, "curl40"), 0.5
+    roll = np.linspace(-np.pi, np.pi, 24, endpoint=False)
+    turn = Rotation.from_euler("ZYZ", np.stack([0 * roll, 0 * roll + np.pi - 1.2, roll], 1))
+    poses = np.column_stack([np.tile([0.5, 0.0, 0.06], (24, 1)), turn.as_quat()])
+    sensors = replace(QUIET, switch_force_N=force)
+    felt, truth = close(hand, "small_cylinder", poses, commands, sensors)
+    stopped = np.argwhere((felt.status == ProbeStatus.CONTACT)[:, 0, 0]
+                          & (felt.step > 1)[:, 0, 0])[:4]
+    assert len(stopped) == 4
+    for i, f in stopped:
+        energy = ReferenceChain(body_from_name("small_cylinder"), hand, TABLE,
+                                matrix_of(tuple(poses[i])), int(f), ALONE)
+        tip = np.array(hand.capsule_joint[f]) == max(hand.capsule_joint[f])
+        step = felt.step[i, 0, 0, f]
+
+        def pressed(q: np.ndarray, energy=energy, tip=tip) -> float:
+            """Force on the last link [N]."""
+            depth = np.maximum(energy.depths(q)[tip], 0.0)
+            return float(TABLE.skin_stiffness_N_m * depth.sum())
+
+        assert pressed(truth.q_rad[i, 0, 0, f]) >= force - 1e-4
+        before = close(hand, "small_cylinder", poses[[i]], commands[:, :step], sensors)
+        assert before[0].status[0, 0, 0, f] == ProbeStatus.NO_CONTACT
+        assert pressed(before[1].q_rad[0, 0, 0, f]) < force
+    assert truth.on_table[stopped[:, 0], 0, 0, stopped[:, 1]].all()
 
 
 @pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])

@@ -1,21 +1,27 @@
 """Where the robot concludes that a finger of any hand touched, beside where it did."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from chain_closings import ALONE, QUIET, TABLE, close, poses_above
+from reference_chain import ReferenceChain
+from reference_posterior import Skin, affine_lever, posterior
 
 from strategies.poses.chain_paths import chain_commands
-from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, link_frames_of
+from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, link_frames_of, palmar_sides
 from warpgrasp.chain_closing.chain_estimate import (
     ChainEstimate,
     estimate_chain_contacts,
     longest_link_m,
 )
 from warpgrasp.closing.closing import ClosingTruth
+from warpgrasp.closing.contact_estimate_kernel import ALONG
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import HandModel
+from warpgrasp.mechanism.calibration import place_variance
+from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ErrorTable, SensorTable
 
 POSES = poses_above(60)
@@ -78,3 +84,56 @@ def test_a_hand_of_one_joint_a_finger_has_no_links_between_joints() -> None:
     short = tuple(replace(f, joints=f.joints[:1], pads=(), pad_places=()) for f in model.fingers)
     assert longest_link_m(chain_of(replace(model, fingers=short))) == 0.0
     assert longest_link_m(chain_of(model)) > 0.0
+
+
+@pytest.mark.parametrize("kind", ["allegro", "barrett"])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, friction: float
+                                                                  ) -> None:
+    """Written out in NumPy, of fingers that stopped anywhere, one with a drive at its stop."""
+    hand, sensors, errors = chain_of(hand_of_kind(kind)), SensorTable(), ErrorTable()
+    contact = replace(ALONE, friction=friction)
+    commands = chain_commands(hand, "curl40")
+    felt, truth = close(hand, "small_cylinder", POSES[:12], commands, QUIET)
+    stopped = np.argwhere((felt.status == 1) & (truth.link >= 0) & (felt.step > 5))[:5]
+    first = tuple(stopped[0])
+    held = hand.model.fingers[first[3]].joints[hand.drives[first[3]][-1]]
+    felt.q_rad[(*first, len(hand.drives[first[3]]) - 1)] = held.high_rad
+    found = estimate_chain_contacts(felt, POSES[:12, None], commands[None], ArmTable(), hand, TABLE,
+                                    sensors, errors=errors, contact=contact)
+    read = (sensors.torque_noise_Nm**2 + sensors.torque_step_Nm**2 / 12.0
+            ) / sensors.tension_readings
+    for i in map(tuple, stopped):
+        finger, drives = i[3], len(hand.drives[i[3]])
+        model = hand.model.fingers[finger]
+        q = felt.q_rad[i][:drives]
+        step = felt.step[i]
+        torque = felt.torque_Nm[i][:drives] - sensors.torque_friction_Nm * np.sign(np.round(
+            commands[finger, step] - commands[finger, step - 1], 12))[:drives]
+        sigma = np.sqrt(read + (0.03 * np.abs(torque).max()) ** 2
+                        + (errors.moment_arm_share * torque) ** 2 + 5e-4**2)
+        limits = np.array([(model.joints[j].low_rad, model.joints[j].high_rad)
+                           for j in hand.drives[finger]]).T
+        sigma[np.minimum(q - limits[0], limits[1] - q) < 3.0 * sensors.joint_noise_rad] = 1e150
+        pose = matrix_of(tuple(POSES[i[0]]))
+        energy = ReferenceChain(body_from_name("block"), hand, TABLE, pose, finger, contact)
+        frames = pose @ link_frames_of(hand, finger, felt.q_rad[i])
+        last, longest, skins = len(model.joints) - 1, 0.0, []
+        for c, (capsule, joint) in enumerate(zip(hand.capsules[finger],
+                                                 hand.capsule_joint[finger], strict=True)):
+            frame = frames[joint]
+            ends = np.array([capsule.start, capsule.end]) @ frame[:3, :3].T + frame[:3, 3]
+            longest = max(longest, float(np.linalg.norm(ends[1] - ends[0])))
+            skins.append(Skin(
+                joint, ends, capsule.radius, frame[:3, :3] @ palmar_sides(hand)[finger][c],
+                affine_lever(partial(energy.lever, c, q=q)), (1.0, -1.0) if joint == last else ()))
+        told = posterior(skins, torque, sigma, friction, hand.links, 1e-9)
+        lever = np.linalg.norm(told.mean - frames[0, :3, 3])
+        spread = ((longest / ALONG) ** 2 / 12.0
+                  + place_variance(errors, ArmTable(), longest_link_m(hand))
+                  + 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2) * lever**2)
+        np.testing.assert_allclose(found.point_m[i], told.mean, atol=1e-6)
+        np.testing.assert_allclose(found.covariance_m2[i], told.covariance + spread * np.eye(3),
+                                   atol=1e-8)
+        np.testing.assert_allclose(found.normal[i], told.normal, atol=1e-4)
+        np.testing.assert_allclose(found.link_weight[i], told.link_weight, atol=1e-4)

@@ -110,6 +110,21 @@ def test_a_robot_tells_its_own_fingers_by_their_angles() -> None:
                                    ErrorTable.none()).any()
 
 
+@pytest.mark.parametrize("kind", ["allegro", "leap"])
+def test_no_step_before_its_stop_stops_a_finger_that_meets_another(kind: str) -> None:
+    """Steps are left out where readings are far from the threshold: a path cut short at the stop
+    ends at the step before, and there that finger still goes on."""
+    hand = chain_of(hand_of_kind(kind))
+    commands = chain_commands(hand, "together")
+    felt, truth = close(hand, "block", FAR, commands, contact=MEET)
+    met = truth.self_contact & (felt.status == 1)
+    assert met.any()
+    for step in np.unique(felt.step[met]):
+        before, _ = close(hand, "block", FAR, commands[:, :step], contact=MEET)
+        stopped = met & (felt.step == step)
+        assert (before.status[stopped] == 2).all()
+
+
 def test_fingers_that_do_not_meet_close_as_alone() -> None:
     hand = chain_of(hand_of_kind("allegro"))
     commands = chain_commands(hand, "curl40")[:, :60]
