@@ -21,7 +21,7 @@ from scipy.spatial.transform import Rotation
 
 from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain import torque_sensor
-from warpgrasp.chain.chain_hand import chain_of, chain_rows, hand_of_kind
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, chain_rows, hand_of_kind
 from warpgrasp.chain.chain_kernel import JOINTS
 from warpgrasp.chain.torque_sensor_kernel import TorqueSensor
 from warpgrasp.chain_closing import chain_closing
@@ -29,7 +29,7 @@ from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.geometry.body import scene_of
 from warpgrasp.hands.hand_frames import matrix_of
-from warpgrasp.hands.hand_model import Box, Finger, HandModel
+from warpgrasp.hands.hand_model import Box, Finger, Follow, HandModel
 from warpgrasp.mechanism.calibration import draw_calibration
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ErrorTable
@@ -50,6 +50,23 @@ def with_six_joints(model: HandModel) -> HandModel:
     return replace(model, name="six", fingers=tuple(map(more, model.fingers)))
 
 
+def with_joints_that_follow(model: HandModel) -> HandModel:
+    """The hand with fingers whose last joint turns as the one before it does."""
+    def coupled(finger: Finger) -> Finger:
+        *others, leader, last = finger.joints
+        return replace(finger, joints=(*others, leader, replace(
+            last, follows=Follow(leader.name, 0.6, 0.1))))
+
+    return replace(model, name="coupled", fingers=tuple(map(coupled, model.fingers)))
+
+
+def hand_like(kind: str) -> ChainHand:
+    """A hand that ships, or the Allegro with other joints."""
+    changed = {"six joints": with_six_joints, "coupled joints": with_joints_that_follow}
+    return chain_of(changed[kind](hand_of_kind("allegro")) if kind in changed
+                    else hand_of_kind(kind))
+
+
 @pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
 def test_a_link_weighs_what_the_shapes_of_its_file_do(kind: str) -> None:
     """Not what the capsules do that it touches with: the Allegro's fingers were by 30 % lighter."""
@@ -68,11 +85,10 @@ def test_a_link_weighs_what_the_shapes_of_its_file_do(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kind", [
-    "allegro", "barrett", pytest.param("leap", marks=pytest.mark.slow),
+    "allegro", "barrett", "coupled joints", pytest.param("leap", marks=pytest.mark.slow),
     pytest.param("six joints", marks=pytest.mark.slow)])
 def test_torques_are_in_balance_where_a_finger_stops(kind: str) -> None:
-    hand = chain_of(with_six_joints(hand_of_kind("allegro")) if kind == "six joints"
-                    else hand_of_kind(kind))
+    hand = hand_like(kind)
     commands = chain_commands(hand, "curl40")
     poses = poses_above(12)
     felt, truth = close(hand, "small_cylinder", poses, commands)
@@ -125,11 +141,11 @@ def test_a_stop_is_the_first_step_whose_torques_pass_the_threshold() -> None:
         assert np.abs(energy.felt(before)).max() < QUIET.torque_threshold_Nm
 
 
-@pytest.mark.parametrize("kind", ["allegro", "barrett"])
+@pytest.mark.parametrize("kind", ["allegro", "barrett", "coupled joints"])
 def test_what_is_read_at_a_stop_is_what_servos_bear_less_the_weight_that_is_believed(kind: str
                                                                                      ) -> None:
     """Of links as long as believed, at the angles that are read; times the true sensor's gain."""
-    hand, key = chain_of(hand_of_kind(kind)), np.arange(12, dtype=np.uint64)
+    hand, key = hand_like(kind), np.arange(12, dtype=np.uint64)
     commands, poses = chain_commands(hand, "curl40"), poses_above(12)
     errors = draw_calibration(
         replace(ErrorTable.none(), joint_offset_rad=0.03, link_length_share=0.03,
