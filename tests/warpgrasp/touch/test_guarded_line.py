@@ -83,6 +83,22 @@ def test_contact_is_found_where_the_face_is() -> None:
     assert truth.lines[0].force_N[0] > 0.05
 
 
+@pytest.mark.parametrize("table", [False, True])
+def test_a_touch_is_told_to_be_of_table_or_object(table: bool) -> None:
+    """From above, beside the block or on its top."""
+    robot, truth = robot_before_block(1, arm=EXACT_ARM, sensors=EXACT, pads=QUIET)
+    down, height = np.array([0.0, 0.0, -1.0]), 0.0 if table else 0.12
+    pose = poking_pose(extended_finger(robot.hand, robot.pads),
+                       np.array([0.45, 0.25 if table else 0.0, height + 0.01]), down, -INWARD)
+    touch = robot.guarded_line(np.zeros(1, int), pose[None], down[None], interval_m=0.001, steps=30,
+                               finger=0, commands_rad=POKE_RAD)
+    line = truth.lines[0]
+    assert touch.status[0] == ProbeStatus.CONTACT
+    assert line.on_table[0] == table
+    assert line.point_m[0, 2] == pytest.approx(height, abs=1e-9)
+    np.testing.assert_allclose(line.normal[0], -down, atol=1e-12)
+
+
 def test_the_true_normal_of_a_mesh_is_of_unit_length(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
