@@ -41,6 +41,7 @@ from warpgrasp.closing.contact_estimate_kernel import (
     force_gain,
     force_gain_at,
     most_force_gain,
+    most_placed_gain,
 )
 from warpgrasp.core.dtypes import HALF, ONE, PI, ZERO, mat33, real, struct, transform, vec2, vec3
 from warpgrasp.probe_status import ProbeStatus
@@ -68,6 +69,8 @@ class _Posterior:
 
     most: real
     """The largest gain of all places."""
+    placed: real
+    """That of the grid's places."""
     weight: real
     best: real
     mean: vec3
@@ -139,6 +142,7 @@ def _with_side(
         line_most = most_force_gain(square, product, _NO_ARM)
         if felt.turn == 0:
             post.most = wp.max(post.most, line_most)
+            post.placed = wp.max(post.placed, most_placed_gain(square, product, _NO_ARM))
         elif line_most >= post.most - _DEEPEST:
             sums = vec3(ZERO, ZERO, ZERO)
             best = real(-1.0)
@@ -178,6 +182,7 @@ def _with_cap(
             g = force_gain(wp.dot(push, push), wp.dot(push, felt.torque), _NO_ARM)
             if felt.turn == 0:
                 post.most = wp.max(post.most, g)
+                post.placed = wp.max(post.placed, g)
             elif g >= post.most - _DEEPEST:
                 weight = cell * wp.exp((g - post.most) * HALF)
                 post = _gathered(post, end + tip_out * radius, u, tip_out,
@@ -287,6 +292,9 @@ def chain_estimate_kernel(
     longest = real(0.0)
     for turn in range(2):
         felt.turn = turn
+        if turn == 1 and post.placed < post.most - HALF * _DEEPEST:
+            # A huge force hardly beside a joint, which no place of the grid has, explains far more.
+            post.most = post.placed
         for c in range(hand.capsule_count):
             capsule = chain_capsule(hand, c)
             joint = capsule.joint

@@ -117,7 +117,7 @@ def most_force_gain(square: vec3, along: vec2, least: real):
 
 
 @wp.func
-def _most_placed_gain(square: vec3, along: vec2, least: real):
+def most_placed_gain(square: vec3, along: vec2, least: real):
     """The largest gain of the grid's places along the link: those at its ends, or next to the peak,
     of which one may be a force that turns no joint."""
     most = wp.max(force_gain_at(square, along, HALF * _STEP, least),
@@ -315,7 +315,7 @@ def estimate_kernel(
                         if turn == 0:
                             line_most[line] = wp.max(line_most[line], lean_most)
                             most = wp.max(most, lean_most)
-                            placed = wp.max(placed, _most_placed_gain(square, product, _TINY))
+                            placed = wp.max(placed, most_placed_gain(square, product, _TINY))
                         elif lean_most >= most - _DEEPEST:
                             sums = vec3(ZERO, ZERO, ZERO)
                             best = real(-1.0)

@@ -137,3 +137,26 @@ def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, fri
                                    atol=1e-8)
         np.testing.assert_allclose(found.normal[i], told.normal, atol=1e-4)
         np.testing.assert_allclose(found.link_weight[i], told.link_weight, atol=1e-4)
+
+
+@pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
+@pytest.mark.parametrize("friction", [0.0, 0.5])
+def test_every_contact_has_a_place(kind: str, friction: float) -> None:
+    """Of any torques: a huge force hardly beside a joint, at no place of the grid, does not leave
+    out all places."""
+    hand, n = chain_of(hand_of_kind(kind)), 400
+    commands = chain_commands(hand, "curl40")
+    felt, _ = close(hand, "small_cylinder", POSES[:1], commands, QUIET)
+    rng, shape = np.random.default_rng(0), (n, 1, 1, hand.fingers)
+    q = np.zeros((*shape, hand.width))
+    for f, own in enumerate(hand.drives):
+        for d, j in enumerate(own):
+            joint = hand.model.fingers[f].joints[j]
+            q[..., f, d] = rng.uniform(joint.low_rad + 0.05, joint.high_rad - 0.05, (n, 1, 1))
+    felt = replace(felt, status=np.ones(shape, int), step=np.zeros(shape, int), q_rad=q,
+                   torque_Nm=rng.uniform(-0.3, 0.3, q.shape))
+    found = estimate_chain_contacts(
+        felt, np.repeat(POSES[:1, None], n, axis=0), commands[None], ArmTable(), hand, TABLE, QUIET,
+        contact=replace(ALONE, friction=friction))
+    assert np.isfinite(found.point_m).all()
+    np.testing.assert_allclose(found.link_weight.sum(-1), 1.0, rtol=1e-12)
