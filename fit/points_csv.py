@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from fit.fit_status import status_names
+from fit.implicit.record import FreeForms
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
@@ -262,6 +263,13 @@ def profile_rows(names: Sequence[str], fit: RevolutionFit) -> tuple[list[str], l
         for name, height, radii, stds in
         zip(names, fit.height_m, fit.radius_m, fit.radius_std_m, strict=True)
         for s, radius, std in zip(share, radii, stds, strict=True)]
+
+
+def free_form_rows(names: Sequence[str], found: FreeForms) -> tuple[list[str], list[list]]:
+    """Header and rows for free forms."""
+    return _table(names, found, "volume_m3 volume_low_m3 volume_high_m3 std_mm gap_mm rms_mm",
+                  found.volume_m3, found.interval_m3, 1e3 * found.std_m, 1e3 * found.gap_m,
+                  1e3 * found.rms_m)
 
 
 def _table(

@@ -205,6 +205,7 @@ def _marched(field: np.ndarray, low: np.ndarray, step: np.ndarray) -> TriangleMe
     import warp as wp
     from warp.geometry import IsoSurfaceMarchingCubes
 
+    wp.config.log_level = wp.LOG_ERROR  # banners are not results
     if np.isnan(field).any() or not (field < 0.0).any():
         return TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
     # Unit cells, since Warp keeps vertices in single precision.

@@ -129,3 +129,39 @@ class TriangleMesh:
         """Area of the surface [m^2]: the sum over the triangles."""
         a, b, c = np.moveaxis(self.corners_m, 1, 0)
         return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
+
+    def as_ply(self) -> bytes:
+        """This mesh as a binary PLY file, in metres."""
+        head = ("ply\nformat binary_little_endian 1.0\ncomment lengths in m\n"
+                f"element vertex {len(self.vertices_m)}\n"
+                "property float x\nproperty float y\nproperty float z\n"
+                f"element face {len(self.faces)}\nproperty list uchar int vertex_indices\n"
+                "end_header\n")
+        faces = np.empty(len(self.faces), [("count", "u1"), ("corner", "<i4", 3)])
+        faces["count"], faces["corner"] = 3, self.faces
+        return head.encode() + self.vertices_m.astype("<f4").tobytes() + faces.tobytes()
+
+
+@dataclass(frozen=True)
+class FreeForms:
+    """Free forms with all that is told of them, one a row; numbers of sets without a fit are NaN,
+    their meshes empty."""
+
+    mesh: np.ndarray
+    """`TriangleMesh` of each, (fit,)."""
+    volume_m3: Float[np.ndarray, " fit"]
+    interval_m3: Float[np.ndarray, "fit 2"]
+    """90 % interval of the volume."""
+    std_m: Float[np.ndarray, " fit"]
+    """Median standard deviation of the surface along its normal [m]."""
+    gap_m: Float[np.ndarray, " fit"]
+    """The farthest that a place of the surface is from all touches [m]; where the body stands on a
+    table none are asked for."""
+    spacing_m: Float[np.ndarray, " fit"]
+    """Root of the area for each touch [m]: how far apart touches are that are spread evenly."""
+    rms_m: Float[np.ndarray, " fit"]
+    n_points: Int[np.ndarray, " fit"]
+    status: Int[np.ndarray, " fit"]
+
+    def __len__(self) -> int:
+        return len(self.status)

@@ -9,19 +9,20 @@ from sweeps.cli.app import app
 
 
 @app.command
-def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, *,
+def fit(shape: Literal["superquadric", "plane", "revolution", "implicit"], points: Path, /, *,
         out: Annotated[Path, Parameter(name=["--out", "-o"])],
         taper: Annotated[bool, Parameter(negative="")] = False,
         bend: Annotated[bool, Parameter(negative="")] = False,
         robust: Annotated[bool, Parameter(negative="")] = False, table_z: float | None = None,
         normal_deg: float | None = None,
-        units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None) -> int:
+        units: Literal["m", "cm", "mm"] | None = None, figure: Path | None = None,
+        meshes: Path | None = None) -> int:
     """Fit shapes to sets of touched points of your own.
 
     Parameters
     ----------
     shape
-        superquadric, plane or revolution.
+        superquadric, plane, revolution, or implicit: a free form, of any shape.
     points
         A CSV with columns x_m, y_m, z_m (or x_cm, x_mm and so on); set where there are several;
         nx, ny, nz, pointing out of the body, where felt.
@@ -42,8 +43,10 @@ def fit(shape: Literal["superquadric", "plane", "revolution"], points: Path, /, 
         x_cm or x_mm.
     figure
         Also draw the sets, as .png, .svg or .pdf.
+    meshes
+        Implicit: a folder for the surface of each set, as a .ply file.
     """
     from sweeps.cli.tools.fit_points import fit_points
 
     return fit_points(shape, points, out, taper=taper, bend=bend, robust=robust, table_z_m=table_z,
-                      normal_deg=normal_deg, figure=figure, units=units)
+                      normal_deg=normal_deg, figure=figure, units=units, meshes=meshes)

@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "forest": ["draw_forest"],
     "grasp": ["grasp_figure", "hand_solids"],
     "heat_maps": ["draw_confusion", "draw_settings"],
-    "meshes": ["coarse_mesh", "mesh_of_world", "ply_of", "quadrilaterals", "recovered_faces",
+    "meshes": ["coarse_mesh", "mesh_of_world", "quadrilaterals", "recovered_faces",
                "recovered_grid", "surface_mesh", "true_mesh", "turned_mesh"],
     "pareto": ["draw_pareto"],
     "replay_frames": ["Replay", "make_replay", "replay_of", "segment_pose"],

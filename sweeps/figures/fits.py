@@ -6,12 +6,13 @@ import numpy as np
 
 from fit.arrays import is_valid
 from fit.fit_status import FitStatus, status_names
+from fit.implicit.record import FreeForms
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
 from fit.revolution.geometry import RevolutionBody
 from fit.revolution.record import RevolutionFit
 from fit.superquadric.geometry import Superquadric
-from sweeps.figures.meshes import quadrilaterals, revolution_grid, surface_mesh
+from sweeps.figures.meshes import coarse_mesh, quadrilaterals, revolution_grid, surface_mesh
 from sweeps.figures.solids import (
     CONTACT,
     direction,
@@ -34,9 +35,9 @@ ELEVATION_DEG, AZIMUTH_DEG = 22.0, -55.0
 def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
     """The first sets of a batch, each in a panel of its own, as a png, svg or pdf file.
 
-    `fits` is the `SuperquadricFit`, `PlaneFit` or `RevolutionFit` of `sets`. Touches behind a body
-    are left out, and so are those that no fit can use (`FitStatus.bad_points`); a set without a
-    fit is shown as its touches alone. The same fits give the same bytes.
+    `fits` is the `SuperquadricFit`, `PlaneFit`, `RevolutionFit` or `FreeForms` of `sets`. Touches
+    behind a body are left out, and so are those that no fit can use (`FitStatus.bad_points`); a set
+    without a fit is shown as its touches alone. The same fits give the same bytes.
     """
     shown = min(len(sets.names), MOST_SETS)
     columns = min(shown, 4)
@@ -60,7 +61,8 @@ def draw_fits(sets: PointSets, fits: Any, form: str) -> bytes:
 
 
 def _draw(axes: Any, points: np.ndarray, faces: np.ndarray) -> None:
-    """Touches and the faces (face, 4, 3) of a body [mm]; a single face is a plane, hiding none."""
+    """Touches and the faces (face, 3 or 4, 3) of a body [mm]; a single one is a plane, hiding none.
+    """
     if not len(points):
         axes.set_axis_off()
         return
@@ -78,7 +80,9 @@ def _draw(axes: Any, points: np.ndarray, faces: np.ndarray) -> None:
 
 
 def _faces(fits: Any, row: int) -> np.ndarray:
-    """The surface of one fit, (face, 4, 3) [m]."""
+    """The surface of one fit, (face, 3 or 4, 3) [m]."""
+    if isinstance(fits, FreeForms):
+        return coarse_mesh(fits.mesh[row]).corners_m
     if isinstance(fits, PlaneFit):
         u, v = 0.5 * fits.extent_m[row][:, None] * fits.axes[row]
         centre = fits.centre_m[row]

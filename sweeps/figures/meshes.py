@@ -101,18 +101,6 @@ def coarse_mesh(mesh: TriangleMesh, cells: int = 40) -> TriangleMesh:
     return TriangleMesh(vertices / count[:, None], faces[whole])
 
 
-def ply_of(mesh: TriangleMesh) -> bytes:
-    """A mesh as a binary PLY file, in metres."""
-    head = ("ply\nformat binary_little_endian 1.0\ncomment lengths in m\n"
-            f"element vertex {len(mesh.vertices_m)}\n"
-            "property float x\nproperty float y\nproperty float z\n"
-            f"element face {len(mesh.faces)}\nproperty list uchar int vertex_indices\n"
-            "end_header\n")
-    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corner", "<i4", 3)])
-    faces["count"], faces["corner"] = 3, mesh.faces
-    return head.encode() + mesh.vertices_m.astype("<f4").tobytes() + faces.tobytes()
-
-
 def surface_grid(body: Superquadric, rows: int = 48) -> np.ndarray:
     """Points of the first superquadric of a batch, from pole to pole, (row, column, 3) [m].
 

@@ -28,7 +28,7 @@ from sweeps.episode.given_prior import normalized_chamfer
 from sweeps.figures.contacts import contacts_shown, draw_contacts
 from sweeps.figures.contour import contour_figure
 from sweeps.figures.faces import crossed_faces, draw_faces, faces_shown
-from sweeps.figures.meshes import mesh_of_world, ply_of
+from sweeps.figures.meshes import mesh_of_world
 from sweeps.figures.style import encode
 from sweeps.figures.taxels import draw_taxels, pad_touches, taxels_shown
 from sweeps.output import note, say, write_atomic
@@ -80,7 +80,7 @@ def explore(
     written = list(files)
     mesh = mesh_of_world(block)
     if mesh is not None:
-        write_atomic(out / "recovered.ply", ply_of(mesh))
+        write_atomic(out / "recovered.ply", mesh.as_ply())
         written.append("recovered.ply")
     for file, picture in _pictures(cell, block, pictures):
         if isinstance(picture, Exception):  # the episode is kept without the figure

@@ -4,6 +4,7 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from fit.fit_status import FitStatus, is_fitted
+from fit.implicit.record import FreeForms
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
@@ -26,6 +27,9 @@ NORMAL_90 = 1.645
 FLAT_SHARE = 0.02
 """Standard deviation of touches across a plane, as a share of that along it, below which they tell
 one face and no contour [est]."""
+GAP = 1.45
+"""A place of a free form that is as many times farther from any touch than evenly spread touches
+are from each other lies on a side that was left open [est]."""
 END_SHARE = 0.04
 """Of its height that a surface of revolution may reach beyond its touches [est]."""
 _DIRECTIONS = 256
@@ -38,8 +42,8 @@ def superquadric_advice(sets: PointSets, found: SuperquadricFit, vague: Bool[np.
     notes = []
     if poor := _poor(sets.names, found):
         wrong = "" if robust else "if touches may be wrong, try --robust; "
-        notes.append(f"{_POOR}: {named(poor)}; {wrong}if the body is no superquadric, a free form "
-                     "(fit.implicit, docs/free_forms.md) follows it")
+        notes.append(f"{_POOR}: {named(poor)}; {wrong}if the body is no superquadric, "
+                     "`warpgrasp fit implicit` follows it")
     if vague.any():
         names = [name for name, is_vague in zip(sets.names, vague, strict=True) if is_vague]
         table = ", or give --table-z" if table_z_m is None else ""
@@ -111,6 +115,25 @@ def plane_advice(sets: PointSets, found: PlaneFit) -> list[str]:
             f"{VAGUE_DEG:g} degrees and more: {named(vague)}"] if vague else []
 
 
+def free_form_advice(names: tuple[str, ...], found: FreeForms) -> list[str]:
+    """Notes of free forms that did not converge, have no surface, or a side that no touch tells of.
+    """
+    notes, fitted = [], is_fitted(found.status)
+    if poor := _poor(names, found):
+        notes.append(f"{_POOR}: {named(poor)}; leave out touches that may be wrong")
+    if none := [name for name, mesh, good in zip(names, found.mesh, fitted, strict=True)
+                if good and not len(mesh.faces)]:
+        notes.append(f"no surface is left of {named(none)}; normals should point out of the body")
+    with np.errstate(invalid="ignore"):  # where there is no surface
+        wide = found.interval_m3[:, 1] > WIDE_FACTOR * found.interval_m3[:, 0]
+        open_ = wide | (found.gap_m > GAP * found.spacing_m)
+    if gaps := [f"{name} (up to {_mm(gap)} from any touch)" for name, gap, is_open in
+                zip(names, found.gap_m, open_, strict=True) if is_open]:
+        notes.append("touches are few or leave a side open, where the surface is a guess: "
+                     f"{named(gaps)}; touch there, too")
+    return notes
+
+
 _POOR = f"not converged, or more than {1e3 * LARGE_RMS_M:g} mm off (rms)"
 
 
@@ -125,7 +148,8 @@ def _mm(length_m: float) -> str:
     return f"{1e3 * length_m:.0f} mm" if length_m >= 0.01 else f"{1e3 * length_m:.2g} mm"
 
 
-def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit) -> list[str]:
+def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit | FreeForms
+          ) -> list[str]:
     """Sets that did not converge or whose touches lie far off, with their rms."""
     return [f"{name} ({_mm(rms)})" for name, rms, status in
             zip(names, found.rms_m, found.status, strict=True)

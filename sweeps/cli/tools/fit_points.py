@@ -1,7 +1,9 @@
 """What `warpgrasp fit` does: a CSV of sets of touches in, a CSV of recovered shapes out, a row a
 set."""
 
+import re
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -16,6 +18,7 @@ from fit.arrays import joined, rows_of
 from fit.fit_status import FAR, LEAST_EXTENT_M, status_names
 from fit.point_sets import PointSets
 from fit.points_csv import (
+    free_form_rows,
     plane_rows,
     profile_rows,
     read_points,
@@ -24,18 +27,21 @@ from fit.points_csv import (
     superquadric_rows,
 )
 from sweeps.cli.tools.fit_advice import (
+    free_form_advice,
     named,
     plane_advice,
     revolution_advice,
     superquadric_advice,
     vague_superquadrics,
 )
-from sweeps.output import note
-from sweeps.result_file import why_unwritable, write_result
+from sweeps.output import init_warp, note
+from sweeps.result_file import make_folder, why_unwritable, write_result
 from sweeps.spec.errors import StoreError
 from warpgrasp.core.cores import core_count
 from warpgrasp.core.plain_text import counted
 
+ON_ALL_CORES = ("superquadric", "implicit")
+"""Shapes of which many sets are shared out; the others take no time."""
 SETS_A_PROCESS = 1024
 """Sets that a process fits at a time; fewer than twice as many are fitted in this one."""
 FIGURE_FORMATS = (".png", ".svg", ".pdf")
@@ -49,13 +55,14 @@ MOST_NORMAL_DEG = 90.0
 
 def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, robust: bool,
                table_z_m: float | None, figure: Path | None, normal_deg: float | None = None,
-               units: str | None = None) -> int:
-    """Fits every set of `points`, writes `out` (and the contours of revolutions beside it).
+               units: str | None = None, meshes: Path | None = None) -> int:
+    """Fits every set of `points`, writes `out` (and the contours of revolutions beside it, and the
+    surfaces of free forms into the folder `meshes`).
 
     Prints the files written; notes say what became of the sets. Raises PointsError with all that
     is wrong in the file, StoreError for options that contradict and files that cannot be used.
     """
-    _check(shape, points, out, taper, bend, robust, table_z_m, normal_deg, figure)
+    _check(shape, points, out, taper, bend, robust, table_z_m, normal_deg, figure, meshes)
     try:
         sets = read_points(points, units=units)
     except OSError as error:
@@ -66,7 +73,7 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
         _check_table(sets, table_z_m)
     if normal_deg is not None and sets.normals is None:
         raise StoreError(f"--normal-deg: {points} has no columns nx, ny, nz")
-    if shape == "superquadric" and sets.normals is not None:
+    if shape in ("superquadric", "implicit") and sets.normals is not None:
         for name in inward(sets):
             note(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
@@ -75,13 +82,20 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
         files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
+    if meshes is not None:
+        make_folder(meshes)
+        files |= {meshes / name: mesh.as_ply() for name, mesh in
+                  zip(mesh_names(sets.names), found.mesh, strict=True) if len(mesh.faces)}
     if figure is not None:
         from sweeps.figures.fits import draw_fits
 
         files[figure] = draw_fits(sets, found, figure.suffix[1:])
     for path, content in files.items():
         write_result(path, content)
-        print(path)
+        if path.parent != meshes:
+            print(path)
+    if meshes is not None:
+        print(meshes)
     became, count = Counter(status_names(found.status)), len(sets.names)
     note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
     for advice in _advice(shape, sets, found, vague, robust, table_z_m):
@@ -103,6 +117,8 @@ def _advice(shape: str, sets: PointSets, found: Any, vague: np.ndarray, robust: 
         return superquadric_advice(sets, found, vague, robust=robust, table_z_m=table_z_m)
     if shape == "revolution":
         return revolution_advice(sets, found, table_z_m=table_z_m)
+    if shape == "implicit":
+        return free_form_advice(sets.names, found)
     return plane_advice(sets, found)
 
 
@@ -158,7 +174,7 @@ def fit_on_all_cores(shape: str, sets: PointSets, **options: Any) -> tuple[Any, 
     A fit depends only on its own points, so that the rows are the same however they are shared out.
     """
     count, cores = len(sets.names), core_count()
-    alone = shape != "superquadric" or cores == 1 or count < 2 * SETS_A_PROCESS
+    alone = shape not in ON_ALL_CORES or cores == 1 or count < 2 * SETS_A_PROCESS
     groups = _groups(sets, count if alone else SETS_A_PROCESS)
     parts, one = map(sets.padded, groups), partial(_fitted, shape, **options)
     if alone:
@@ -192,7 +208,8 @@ def _fitted(shape: str, sets: tuple, **options: Any) -> tuple[Any, np.ndarray]:
 def fit_padded(shape: str, sets: tuple, *, taper: bool = False, bend: bool = False,
               robust: bool = False, table_z_m: float | None = None,
               normal_deg: float | None = None) -> Any:
-    """The fits of one shape to padded sets: a `SuperquadricFit`, `PlaneFit` or `RevolutionFit`.
+    """The fits of one shape to padded sets: a `SuperquadricFit`, `PlaneFit`, `RevolutionFit` or
+    `FreeForms`.
 
     Planes come without the weights of touches, which no file holds.
     """
@@ -206,6 +223,11 @@ def fit_padded(shape: str, sets: tuple, *, taper: bool = False, bend: bool = Fal
         from fit.revolution.fit import fit_revolution
 
         return fit_revolution(points, mask, table_z=table_z_m)
+    if shape == "implicit":
+        from fit.implicit.free_bodies import fit_free_forms
+
+        init_warp()
+        return fit_free_forms(points, mask, normals, table_z_m=table_z_m)
     from fit.superquadric.fit import fit_superquadric
     from fit.superquadric.record import SuperquadricOptions
 
@@ -220,20 +242,30 @@ def profile_path(out: Path) -> Path:
     return out.with_name(f"{out.stem}.profile{out.suffix or '.csv'}")
 
 
+def mesh_names(names: Sequence[str]) -> list[str]:
+    """A file for the mesh of each set: its name, of letters, digits, points and hyphens, with its
+    number where another set would have the same file."""
+    plain = [re.sub(r"[^\w.-]+", "_", name).strip("._") or "set" for name in names]
+    count = Counter(name.lower() for name in plain)
+    return [f"{name}-{number}.ply" if count[name.lower()] > 1 else f"{name}.ply"
+            for number, name in enumerate(plain, 1)]
+
+
 def _rows(shape: str, names: tuple[str, ...], found: Any) -> tuple[list[str], list[list]]:
     return {"superquadric": superquadric_rows, "plane": plane_rows,
-            "revolution": revolution_rows}[shape](names, found)
+            "revolution": revolution_rows, "implicit": free_form_rows}[shape](names, found)
 
 
 def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust: bool,
-           table_z_m: float | None, normal_deg: float | None, figure: Path | None) -> None:
+           table_z_m: float | None, normal_deg: float | None, figure: Path | None,
+           meshes: Path | None) -> None:
     """Raises StoreError with everything wrong about the options."""
     problems = [f"{name}: is for superquadric, not for {shape}" for name, given in
                 (("--taper", taper), ("--bend", bend), ("--robust", robust))
                 if given and shape != "superquadric"]
     if table_z_m is not None:
         if shape == "plane":
-            problems.append("--table-z: is for superquadric and revolution, not for plane")
+            problems.append("--table-z: is for solid shapes, not for plane")
         elif not isfinite(table_z_m):
             problems.append(f"--table-z: is {table_z_m}; should be a finite number of metres")
     if normal_deg is not None:
@@ -244,6 +276,8 @@ def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust:
                             f"0 to {MOST_NORMAL_DEG:g}")
     if figure is not None and figure.suffix.lower() not in FIGURE_FORMATS:
         problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
+    if meshes is not None and shape != "implicit":
+        problems.append(f"--meshes: is for implicit, not for {shape}")
     named = [path.resolve() for path in (points, out, figure) if path is not None]
     if shape == "revolution":
         named.append(profile_path(out).resolve())

@@ -7,7 +7,6 @@ import pytest
 import trimesh
 
 from fit.implicit.mesh import zero_set_meshes
-from sweeps.figures.meshes import ply_of
 from warpgrasp.objects.mesh_orientation import mesh_of, simple_mesh_distance
 
 CELLS = 32
@@ -65,7 +64,7 @@ def test_a_file_of_a_body_is_closed_for_whoever_joins_its_vertices(scale: float)
     low, high = np.tile(middle - side, (3, 1)), np.tile(middle + side, (3, 1))
     meshes = zero_set_meshes(box, low, high, np.zeros(3), cells=CELLS)
     for row, mesh in enumerate(meshes):
-        read = trimesh.load(BytesIO(ply_of(mesh)), file_type="ply")
+        read = trimesh.load(BytesIO(mesh.as_ply()), file_type="ply")
         assert read.is_watertight, row
         assert read.volume == pytest.approx(mesh.volume_m3, rel=1e-4)
     wide, deep, tall = half[2]
