@@ -27,7 +27,7 @@ NORMAL_90 = 1.645
 FLAT_SHARE = 0.02
 """Standard deviation of touches across a plane, as a share of that along it, below which they tell
 one face and no contour [est]."""
-GAP = 1.45
+GAP = 1.6
 """A place of a free form that is as many times farther from any touch than evenly spread touches
 are from each other lies on a side that was left open [est]."""
 END_SHARE = 0.04

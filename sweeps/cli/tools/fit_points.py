@@ -77,24 +77,24 @@ def fit_points(shape: str, points: Path, out: Path, *, taper: bool, bend: bool, 
         for name in inward(sets):
             note(f"nx, ny, nz: most normals of {name} point to the middle of its touches; they "
                 "should point out of the body")
+    if meshes is not None:
+        make_folder(meshes)
     found, vague = fit_on_all_cores(shape, sets, taper=taper, bend=bend, robust=robust,
                                     table_z_m=table_z_m, normal_deg=normal_deg)
     files = {out: rows_csv(*_rows(shape, sets.names, found))}
     if shape == "revolution":
         files[profile_path(out)] = rows_csv(*profile_rows(sets.names, found))
-    if meshes is not None:
-        make_folder(meshes)
-        files |= {meshes / name: mesh.as_ply() for name, mesh in
-                  zip(mesh_names(sets.names), found.mesh, strict=True) if len(mesh.faces)}
     if figure is not None:
         from sweeps.figures.fits import draw_fits
 
         files[figure] = draw_fits(sets, found, figure.suffix[1:])
     for path, content in files.items():
         write_result(path, content)
-        if path.parent != meshes:
-            print(path)
+        print(path)
     if meshes is not None:
+        for name, mesh in zip(mesh_names(sets.names), found.mesh, strict=True):
+            if len(mesh.faces):
+                write_result(meshes / name, mesh.as_ply())
         print(meshes)
     became, count = Counter(status_names(found.status)), len(sets.names)
     note(f"{counted(count, 'set')}: " + ", ".join(f"{n} {name}" for name, n in became.items()))
