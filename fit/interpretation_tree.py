@@ -176,7 +176,7 @@ def interpret_sets(
         owner, branches = owner[first], branches[first]
     nulls = (branches == NULL).sum(1)
     for null in range(most_null + 1):  # with fewer left over, those with more explain nothing new
-        rows = np.flatnonzero((nulls == null) & np.array([not one for one in found])[owner])
+        rows = np.flatnonzero((nulls == null) & np.array([not one for one in found], bool)[owner])
         rows = rows[_first_of_each(owner[rows], MOST)]
         for row, one in _verified(points[owner[rows]], normals[owner[rows]], model,
                                   branches[rows], angle_rad, distance_m):

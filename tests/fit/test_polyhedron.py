@@ -85,3 +85,9 @@ def test_touches_of_parallel_faces_tell_no_turn_and_do_not_disturb_others() -> N
     assert len(found) > 0
     assert [one.assignment for one in found] == [
         one.assignment for one in interpret(both[1] * SIZE_M, both[1], box, **limits)]
+
+
+@pytest.mark.parametrize(("sets", "touches"), [(0, 3), (0, 0), (2, 0)])
+def test_no_sets_and_sets_without_touches_have_no_interpretation(sets: int, touches: int) -> None:
+    box, nothing = model_of_planes("box", CUBE, np.tile(SIZE_M, 2)), np.zeros((sets, touches, 3))
+    assert interpret_sets(nothing, nothing, box, angle_rad=0.1, distance_m=0.002) == [[]] * sets
