@@ -28,6 +28,8 @@ def errors_left(
     """By how much each of as many independent standard normal errors, what touches leave of those
     of the mean, changes distances at points [m]: all of them, where there are no touches. NaN for a
     fit of which a number is none."""
+    if len(fits) == 0:
+        return errors(at_m, np.zeros(0, int))
     return np.stack([_left(fits, row, errors, at_m[row]) for row in range(len(fits))])
 
 

@@ -90,7 +90,8 @@ def mean_gradient(
     """Gradient of a mean by central differences; 0 where it has none."""
     steps = STEP_M * np.eye(3)
     around = np.concatenate([queries_m + s for s in (*steps, *-steps)], axis=1)
-    values = mean(around, np.arange(len(around))).reshape(len(queries_m), 6, -1)
+    values = mean(around, np.arange(len(around))).reshape(
+        len(queries_m), 6, queries_m.shape[1])
     gradient = (values[:, :3] - values[:, 3:]) / (2.0 * STEP_M)
     return np.nan_to_num(np.moveaxis(gradient, 1, 2), posinf=0.0, neginf=0.0)
 
@@ -114,7 +115,9 @@ def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None,
     lanes = [fits.length_m[each], fits.amplitude_m[each], points[each],
              fits.alpha_per_m[each, :width]]
     if len(lane) == 0:
-        return [given, np.zeros((n, count, 3)), np.zeros((n, count))]
+        none = {"value": given, "gradient": np.zeros((n, count, 3)),
+                "variance": np.zeros((n, count))}
+        return list(none.values())[:list(none).index(most) + 1]
     if most == "variance":
         noise = np.where(used, fits.noise_m2, 1.0)[each, :width]
         found = map_lanes(_SLOPES, *lanes, noise, used[each, :width].astype(float), queries)

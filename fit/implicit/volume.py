@@ -63,6 +63,9 @@ def implicit_volume(
     check_number("shared_m", shared_m)
     if len(meshes) != len(fits):
         raise ValueError(f"meshes: {len(meshes)} for {len(fits)} fits")
+    if len(fits) == 0:
+        return VolumeEstimate(np.zeros(0), np.zeros(0), np.zeros((0, SAMPLES, 3)),
+                              np.zeros((0, SAMPLES)))
     surface = np.stack([surface_samples(mesh, SAMPLES) for mesh in meshes]).reshape(-1, SAMPLES, 3)
     area = np.array([_areas(mesh).sum() for mesh in meshes])
     values = implicit_distance(fits, surface, mean)

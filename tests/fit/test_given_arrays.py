@@ -8,7 +8,9 @@ import pytest
 
 from fit.fit_status import FitStatus
 from fit.implicit.fit import fit_implicit
-from fit.implicit.query import implicit_distance, implicit_values
+from fit.implicit.mean_errors import errors_left
+from fit.implicit.query import implicit_distance, implicit_slopes, implicit_values
+from fit.implicit.volume import implicit_volume
 from fit.option_checks import checked_array
 from fit.plane import fit_plane
 from fit.revolution.fit import fit_revolution
@@ -33,6 +35,24 @@ def test_a_batch_without_sets_or_without_slots_is_fitted(fit: Callable) -> None:
     empty = fit(TOUCHES[:, :0])
     assert (empty.status == FitStatus.too_few_points).all()
     assert all(np.isfinite(value).all() for value in vars(empty).values())
+
+
+@pytest.mark.parametrize(("fits", "queries"), [(0, 5), (0, 0), (2, 0)])
+def test_free_forms_may_be_none_and_asked_at_no_points(fits: int, queries: int) -> None:
+    """They have a distance and a gradient at each query, of which there are none."""
+    found, at = fit_implicit(TOUCHES[:fits]), np.zeros((fits, queries, 3))
+    assert implicit_values(found, at).shape == (fits, queries)
+    values, (distance, gradient) = implicit_distance(found, at), implicit_slopes(found, at)
+    assert values.distance_m.shape == values.std_m.shape == distance.shape == (fits, queries)
+    assert values.gradient.shape == gradient.shape == (fits, queries, 3)
+    left = errors_left(found, lambda points, rows: np.ones((*points.shape[:2], 4)), at)
+    assert left.shape == (fits, queries, 4)
+
+
+def test_no_free_forms_have_no_volumes() -> None:
+    found = implicit_volume(fit_implicit(TOUCHES[:0]), [])
+    assert found.interval_m3().shape == (0, 2)
+    assert found.surface_m.shape == (0, *found.surface_std_m.shape[1:], 3)
 
 
 @pytest.mark.parametrize(("wrong", "said"), [
