@@ -100,7 +100,8 @@ def believed_after(view: "DepthView", believed: np.ndarray, middle_m: np.ndarray
     for w, depth in enumerate(view.depth_m):
         own = (middle_m[w] - view.centre_m[w]) @ view.axes[w]
         away = np.maximum(own[:, 2], 1e-6)
-        wide = 2 * int(np.ceil(view.focal_pixels[w] * radius_m / away.min())) + 1
+        # A ball at the camera, or behind it, may fill the image.
+        wide = 2 * min(int(np.ceil(view.focal_pixels[w] * radius_m / away.min())), pixels) + 1
         # The nearest depth beside a pixel; what is not known may be as near as the camera.
         nearest = minimum_filter(np.nan_to_num(depth, nan=0.0, posinf=np.inf), wide,
                                  mode="constant", cval=0.0)

@@ -129,6 +129,19 @@ def test_a_view_of_nothing_changes_nothing() -> None:
     assert (believed_after(blind, believed, middle, RADIUS_M) == believed).all()
 
 
+def test_beside_a_ball_at_the_camera_nothing_is_cleared() -> None:
+    """It may hide all of the image, however many pixels it is wide."""
+    box, _, _ = seen("block", EXACT)
+    view = replace(box.view, depth_m=np.full_like(box.view.depth_m, 10.0))
+    ahead = (view.centre_m + 0.5 * view.axes[:, :, 2])[:, None]
+    both = np.concatenate([ahead, view.centre_m[:, None]], 1)
+    believed = np.full((WORLDS, 2), 0.4)
+    assert (believed_after(view, believed[:, :1], ahead, RADIUS_M) <= CLEARED).all()
+    for factor in (1.0, 1e8):
+        near = replace(view, focal_pixels=factor * view.focal_pixels)
+        assert (believed_after(near, believed, both, RADIUS_M) == believed).all()
+
+
 def test_where_nothing_is_seen_the_drawn_box_stands() -> None:
     box, whole, _ = seen("wine_bottle", StereoTable(field_of_view_rad=0.1))
     assert not whole.any()
