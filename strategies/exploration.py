@@ -16,7 +16,6 @@ import numpy as np
 
 from fit.arrays import row_sums, rows_of, with_rows
 from fit.fit_status import is_fitted
-from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks, joined_links, no_links, touched_links
 from strategies.exploration_record import Exploration, Procedure
@@ -68,7 +67,7 @@ from strategies.recovery.plausibility import (
     swept,
     within_reach,
 )
-from strategies.recovery.refit_policy import Fitted, finished, newly_felt, refitted
+from strategies.recovery.refit_policy import finished, newly_felt, refitted, straightened, unfitted
 from warpgrasp.core.array_checks import check_array
 from warpgrasp.motion_cost import was_made
 from warpgrasp.parameters import FitTable
@@ -146,11 +145,9 @@ class RunningExploration:
         self.faces: tuple[Face, ...] = ()
         self.profile: Profile | None = None  # as followed
         self.whole: Profile | None = None  # and completed by all else that was felt
-        self.touches = np.zeros(worlds, int)
+        self.touches, self.shape = np.zeros(worlds, int), np.zeros(worlds, int)
         self.time, self.path = np.zeros(worlds), np.zeros(worlds)
-        self.fitted = Fitted(_no_fits(worlds), self.felt, np.zeros(worlds, int),
-                             np.zeros(worlds, bool))
-        self.shape = np.zeros(worlds, int)
+        self.fitted = unfitted(self.felt)
         self.believed = self.agrees = np.zeros(worlds, bool)
         """Worlds whose fit is good enough to go on by, and those whose body nothing contradicts."""
         self._conclude(np.arange(worlds))
@@ -200,14 +197,16 @@ class RunningExploration:
 
     def finish(self) -> bool:
         """Fit from new starts what was refined since, or never fitted; False if there is none."""
-        unfitted = len(self.news) > 0
-        if unfitted:
+        last = len(self.news) > 0
+        if last:
             self._refit(np.arange(self.robot.worlds))
         links = self.links if self.intrinsic else None
         self.fitted, rows = finished(self.fitted, self.felt, links, self.table)
-        if len(rows):
-            self._conclude(rows)
-        return unfitted or len(rows) > 0
+        self._conclude(rows)
+        self.fitted, more = straightened(self.fitted, self.felt, links, self.prior,
+                                         self.recovered.shape == Shape.PRIOR, self.table)
+        self._conclude(more)
+        return last or len(rows) + len(more) > 0
 
     def result(self) -> Exploration:
         """The episodes as far as they have come."""
@@ -341,6 +340,8 @@ class RunningExploration:
 
     def _conclude(self, rows: np.ndarray) -> None:
         """What is believed now; only `rows` felt something new, the others' bodies stay."""
+        if len(rows) == 0:
+            return
         placed, prior = rows_of(self.fitted.placed, rows), rows_of(self.prior, rows)
         near = touch_misfit(self.fits[rows], placed) < UNBELIEVED_M
         fitted = ((placed.mask.sum(1) >= FEWEST_CONTACTS) & near
@@ -393,8 +394,3 @@ class RunningExploration:
 def _time_of(grasps: Grasps) -> np.ndarray:
     """Time of each hand pose, 0 where it was not tried, (world, probe) [s]."""
     return np.where(grasps.moves.status[:, :, 0] != ProbeStatus.NOT_TRIED, grasps.time_s, 0.0)
-
-
-def _no_fits(worlds: int) -> SuperquadricFit:
-    """Fits of nothing."""
-    return fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))

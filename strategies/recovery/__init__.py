@@ -27,6 +27,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "plausibility": ["FEWEST_CONTACTS", "FLOATING_M", "plausible", "plausible_vertices", "swept",
         "swept_by", "why_implausible", "within_reach"],
     "recovery_failure": ["why_failed"],
-    "refit_policy": ["Fitted", "finished", "newly_felt", "refitted"],
+    "refit_policy": ["finished", "newly_felt", "refitted", "straightened", "unfitted"],
     "upright": ["faces_of", "stand_upright"],
 })

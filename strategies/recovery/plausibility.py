@@ -60,6 +60,13 @@ def plausible(
             & ~(_shrunk(superquadric_volume(body), prior) & whole))
 
 
+def reaches_beyond(body: SuperquadricLike, prior: BoundingCylinder) -> np.ndarray:
+    """Whether superquadrics reach farther beyond the prior cylinder than it may err, bool (world,).
+    """
+    away, _, high = _extent(body, prior)
+    return ~_within(away, np.zeros_like(high), high, prior)
+
+
 def why_implausible(body: SuperquadricLike, prior: BoundingCylinder, *, table_plane: bool = True
                     ) -> list[str]:
     """What of prior and table contradicts the superquadric of one world, in words that follow "it";

@@ -5,7 +5,8 @@ fitted. New starts take many times as long: a body has them when links first fee
 pads contradict it, where its touches lie off it as its episode comes to 2, 3, 4, 6, 8, 12, 16 ...
 steps, and when its episode ends. That is in all worlds at once, for one call of a program takes
 many of them. On the way they are few and rough: no rivals, and contacts placed once. Of refined
-body and new one the nearer to the touches stays.
+body and new one the nearer to the touches stays. Where an episode would end without a body because
+one that tapers or bends reaches far beyond the prior, a straight one is fitted.
 """
 
 from collections.abc import Callable
@@ -15,8 +16,10 @@ import numpy as np
 
 from fit.arrays import put_rows, row_sums, rows_of, with_rows
 from fit.fit_status import is_fitted
+from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.record import SuperquadricFit
 from strategies.contacts.finger_touch import TouchedLinks
+from strategies.poses.waypoints import BoundingCylinder
 from strategies.procedures.contour_shape import Profile
 from strategies.recovery.body_distances import contour_distances
 from strategies.recovery.choose_model import revolution_of
@@ -31,6 +34,7 @@ from strategies.recovery.fit_contacts import (
     refine_bodies,
 )
 from strategies.recovery.misfit import FARTHEST_M, RIVALS_FROM_M, doubt, touch_misfit
+from strategies.recovery.plausibility import reaches_beyond
 from warpgrasp.parameters import FitTable
 
 ROUGH_ROUNDS = 1
@@ -83,6 +87,13 @@ class Fitted:
     """Bodies that are to have new starts when their episode ends, bool (world,)."""
 
 
+def unfitted(felt: Evidence) -> Fitted:
+    """Before anything is fitted to what was `felt`."""
+    worlds = len(felt.mask)
+    none = fit_superquadric(np.zeros((worlds, 1, 3)), np.zeros((worlds, 1), bool))
+    return Fitted(none, felt, np.zeros(worlds, int), np.zeros(worlds, bool))
+
+
 def newly_felt(news: list[Evidence], worlds: int) -> np.ndarray:
     """Worlds in which something was touched or a link swept free space, bool (world,)."""
     felt = np.zeros(worlds, bool)
@@ -133,6 +144,21 @@ def finished(
     found, where = nearer((last.fits[rows], rows_of(last.placed, rows)), whole)
     return Fitted(with_rows(last.fits, rows, found), with_rows(last.placed, rows, where),
                   last.renewed_at, np.zeros_like(last.rough)), rows
+
+
+def straightened(
+    last: Fitted, felt: Evidence, links: TouchedLinks | None, prior: BoundingCylinder,
+    lost: np.ndarray, table: FitTable
+) -> tuple[Fitted, np.ndarray]:
+    """Bodies without taper and bend in those of the worlds `lost` (world,) whose body reaches
+    beyond the prior, as a bottle's does that tapers to a needle; also these worlds, (row,)."""
+    straight = replace(table, taper=False, bend=False)
+    rows = np.flatnonzero(lost & is_fitted(last.fits.status) & reaches_beyond(last.fits, prior))
+    if len(rows) == 0 or straight == table:
+        return last, rows[:0]
+    found, where = recover_bodies(rows_of(felt, rows), rows_of(links, rows), straight)
+    return replace(last, fits=with_rows(last.fits, rows, found),
+                   placed=with_rows(last.placed, rows, where)), rows
 
 
 def _renewals(steps: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from strategies.recovery.refit_policy import (
     explained,
     felt_by_pads,
     finished,
+    straightened,
 )
 from warpgrasp.parameters import FitTable
 
@@ -85,3 +86,25 @@ def test_the_end_fits_rough_bodies_and_no_others() -> None:
     again, rows = finished(after, evidence, None, FitTable())
     assert len(rows) == 0
     assert again is after
+
+
+def test_a_body_that_tapers_far_beyond_the_prior_gives_way_to_a_straight_one() -> None:
+    believed = belief(ROUND)
+    straight = fit_superquadric(believed.evidence.points_m, believed.evidence.mask, table_z=0.0)
+    high = believed.prior.height_m + 0.1
+    needle = replace(straight, size_m=np.column_stack([straight.size_m[:, :2], high]),
+                     position_m=straight.position_m * [1.0, 1.0, 0.0] + high[:, None] * [0, 0, 1],
+                     taper=np.full((2, 2), -1.0))
+    for fits, lost, table, rows in (
+            (needle, [True, False], FitTable(), [0]), (straight, [True, True], FitTable(), []),
+            (needle, [True, True], FitTable(taper=False), [])):
+        last = Fitted(fits, believed.evidence, np.zeros(2, int), np.zeros(2, bool))
+        after, found = straightened(last, believed.evidence, None, believed.prior, np.array(lost),
+                                    table)
+        assert found.tolist() == rows
+        for world in (0, 1):
+            if world in rows:
+                assert (after.fits.taper[world] == 0.0).all()
+                assert touch_misfit(after.fits, after.placed)[world] < 0.001
+            else:
+                assert (after.fits.size_m[world] == fits.size_m[world]).all()
