@@ -12,7 +12,7 @@ from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmState, Clearance, arm_hand_links, move_hand
 from warpgrasp.mechanism.calibration import Calibration, draw_calibration
-from warpgrasp.mechanism.puma560 import HOME_RAD, puma_forward_batch
+from warpgrasp.mechanism.puma560 import HOME_RAD, puma_forward_batch, puma_inverse_batch
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable
 from warpgrasp.probe_status import ProbeStatus
@@ -59,6 +59,36 @@ def hand_poses_of(flange: np.ndarray) -> np.ndarray:
     """Poses of the hand (1, pose, 7) at flange poses (pose, 7)."""
     tool = Rotation.from_quat(flange[:, 3:]).apply([0.0, 0.0, HAND.mount_length_m])
     return np.concatenate([flange[:, :3] + tool, flange[:, 3:]], 1)[None]
+
+
+def joints_of(hand_pose: np.ndarray) -> np.ndarray:
+    """The arm's joints (pose, branch 8, 6), by each branch of the inverse, at poses of the hand."""
+    back = Rotation.from_quat(hand_pose[:, 3:]).apply([0.0, 0.0, HAND.mount_length_m])
+    return puma_inverse_batch(ARM, np.concatenate([hand_pose[:, :3] - back, hand_pose[:, 3:]], 1))
+
+
+def test_joints_go_to_the_nearest_step_of_their_encoders() -> None:
+    """By the closed-form inverse, of the pose that was wanted and of that which was taken."""
+    step = np.pi / 300  # a whole turn is a number of steps
+    arm = replace(ARM, encoder_step_rad=step, repeatability_m=0.0)
+    poses = np.tile([0.45, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0], (1, 20, 1))
+    rng = np.random.default_rng(2)
+    poses[..., :3] += rng.uniform(-0.05, 0.05, (1, 20, 3))
+    poses[0, :, 3:] = (Rotation.from_rotvec(rng.uniform(-0.2, 0.2, (20, 3)))
+                       * Rotation.from_quat(poses[0, :, 3:])).as_quat()
+    moves, actual = move_hand(
+        scene_of([body_from_name("block")], "cpu"), np.zeros(1, int),
+        np.array([[0.0, 0.9, 0.0, 0, 0, 0, 1.0]]), arm, HAND, np.zeros(1, np.uint64),
+        ArmState.home(1), poses, np.ones((1, 20), bool), np.zeros((1, 4, 1, 4)))
+    assert (moves.status == ProbeStatus.CONTACT).all()
+    np.testing.assert_array_equal(moves.believed_pose, actual)
+    taken, wanted = joints_of(actual[0]), joints_of(poses[0])
+    stepped = np.abs(taken / step - np.round(taken / step)).max(-1)  # (pose, branch)
+    there = stepped.argmin(1)
+    assert stepped.min(1).max() < 1e-6
+    off = (taken - wanted)[np.arange(20), there] / step
+    assert np.abs(off).max() < 0.5 + 1e-6
+    assert np.abs(off).max(0).min() > 0.1
 
 
 def test_another_number_of_joints_is_refused() -> None:

@@ -7,6 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from strategies.poses.postures import extended_finger, poking_pose
+from warpgrasp.mechanism.puma560 import puma_inverse_batch
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import (
     ArmTable,
@@ -82,6 +83,25 @@ def test_a_hand_is_truly_in_the_same_place_whatever_line_took_it_there(
     slipped = there - first - (touch.hand_pose - start.hand_pose)
     assert np.median(np.abs(slipped[:, :3]).max(1)) > 3e-5
     assert np.abs(went - there).max() < share * np.abs(slipped).max()
+
+
+def test_the_hand_is_believed_where_the_encoders_read_it_and_truly_between() -> None:
+    """By the closed-form inverse: joints read are the nearest steps of those of the line's end."""
+    step, mount = np.pi / 300, HandTable().mount_length_m  # a whole turn is a number of steps
+    robot, truth = robot_at_block(1, arm=replace(ARM, encoder_step_rad=step))
+    touch = poke(robot, 0.04, 20)
+
+    def joints(pose: np.ndarray) -> np.ndarray:
+        back = Rotation.from_quat(pose[:, 3:]).apply([0.0, 0.0, mount])
+        return puma_inverse_batch(ARM, np.concatenate([pose[:, :3] - back, pose[:, 3:]], 1))[0]
+
+    one = extended_finger(robot.hand, robot.pads)
+    end = poking_pose(one, np.array([FACE_M - 0.02, 0.0, 0.06]), INWARD, np.array([0.0, 0.0, -1.0]))
+    np.testing.assert_allclose(truth.lines[0].hand_pose[0, :3], end[:3], atol=1e-9)
+    read, true = joints(touch.hand_pose), joints(truth.lines[0].hand_pose)
+    branch = np.abs(read / step - np.round(read / step)).max(-1).argmin()
+    np.testing.assert_allclose(read[branch], step * np.round(true[branch] / step), atol=1e-8)
+    assert np.abs(read[branch] - true[branch]).max() > 0.1 * step
 
 
 def test_a_touch_whose_nearest_taxel_is_dead_is_told_as_deep_as_another_says() -> None:
