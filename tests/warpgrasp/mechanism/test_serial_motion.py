@@ -66,6 +66,26 @@ def test_reachable_poses_are_taken_exactly(name: str) -> None:
     assert (moved(arm, far)[0].status == ProbeStatus.UNREACHABLE).all()
 
 
+def test_joints_go_to_the_nearest_step_of_their_encoders() -> None:
+    """From home: every joint asked for lies within 0.4 steps of a step."""
+    step, model, rng = 0.02, arm_named("ur5e"), np.random.default_rng(3)
+    stepped = step * np.round((np.array(model.home_rad) + rng.uniform(-0.1, 0.1, (8, 6))) / step)
+    mount = [0.0, 0.0, HAND.mount_length_m]
+
+    def hand_at(q: np.ndarray) -> np.ndarray:
+        flange = flange_poses(model, q)
+        tool = Rotation.from_quat(flange[:, 3:]).apply(mount)
+        return np.concatenate([flange[:, :3] + tool, flange[:, 3:]], 1)
+
+    arm = replace(exact("ur5e"), encoder_step_rad=step)
+    wanted = hand_at(stepped + step * rng.uniform(-0.4, 0.4, stepped.shape))
+    moves, actual = moved(arm, wanted)
+    assert (moves.status[0, :, 0] != ProbeStatus.UNREACHABLE).all()
+    np.testing.assert_array_equal(moves.believed_pose, actual)
+    np.testing.assert_allclose(actual[0, :, :3], hand_at(stepped)[:, :3], atol=1e-6)
+    assert np.linalg.norm(actual[0] - wanted, axis=-1).min() > 1e-3
+
+
 def test_an_arms_file_that_has_changed_is_read_again(tmp_path: Path) -> None:
     """Both the arm that is believed and the true one: poses are taken exactly again."""
     file, model, poses = tmp_path / "arm.toml", arm_named("ur5e"), hand_poses(8)
