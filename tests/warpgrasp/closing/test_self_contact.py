@@ -12,13 +12,22 @@ from strategies.procedures.containment import padded_commands
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import draw_prior
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, hand_of_kind
+from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
 from warpgrasp.closing.closing import Closing
-from warpgrasp.closing.self_contact import self_contacts
+from warpgrasp.closing.self_contact import MISFIT, doubt_of, self_contacts
 from warpgrasp.core.dtypes import real, vec4
 from warpgrasp.core.random import counter_key
 from warpgrasp.hand_rest.press_kernel import Doubt, press_misfit, pushed_turn
 from warpgrasp.objects.catalogue import body_from_name
-from warpgrasp.parameters import ArmTable, ErrorTable, HandTable, ObjectTable, SensorTable
+from warpgrasp.parameters import (
+    ArmTable,
+    ContactTable,
+    ErrorTable,
+    HandTable,
+    ObjectTable,
+    SensorTable,
+)
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Robot, Truth
 
@@ -87,6 +96,37 @@ def test_steps_are_of_the_commands() -> None:
         wrong = replace(closing, step=np.full(shape, step))
         with pytest.raises(ValueError, match=f"closing.step {step}: wants -1 to 9"):
             self_contacts(wrong, pose, np.zeros((1, 4, 10, 4)), HAND, SENSORS, ERRORS)
+
+
+@pytest.mark.parametrize("chain", [None, chain_of(hand_of_kind("utah_mit"))],
+                         ids=["own", "chain"])
+@pytest.mark.parametrize(("step", "noisy"), [(3, True), (4, True), (5, False)])
+def test_the_noise_of_another_finger_counts_once_it_has_stopped(
+    chain: ChainHand | None, step: int, noisy: bool
+) -> None:
+    """A finger that stopped straight at step 4, the one beside it leaning over by an angle: the
+    variance of the gap is that of both places, and of noise in the other's joint alone."""
+    sensors = replace(SENSORS, joint_noise_rad=radians(1.0))
+    lean = np.linspace(0.0, 0.1, 101)  # one of each grasp
+    shape, errors = (1, 1, len(lean), 4), ErrorTable.none()
+    q = np.zeros((*shape, 4))
+    q[0, 0, :, 0, 0] = lean
+    status, steps = np.full(shape, int(ProbeStatus.NO_CONTACT)), np.full(shape, 4)
+    status[..., 1], steps[..., 0] = ProbeStatus.CONTACT, step
+    closing = Closing(status, steps, q, np.zeros((*shape, 4, 2)), np.zeros(shape))
+    given = (closing, np.array([[[0.45, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]]]),
+             np.repeat(q[0, 0, :, :, None], 6, axis=2))
+    told = (self_contacts(*given, HAND, sensors, errors, contact=ContactTable.none())
+            if chain is None else
+            chain_self_contacts(*given, chain, HAND, sensors, errors, contact=ContactTable.none()))
+    long = HAND.abduction_offset_m + sum(HAND.link_length_m)
+    gap = HAND.finger_spacing_m - long * np.sin(lean) - 2 * HAND.link_radius_m
+    doubt = doubt_of(sensors, errors, np.array(HAND.link_length_m))
+    joints = 2 * doubt.zero + noisy * doubt.reading
+    variance = 2 * doubt.place + joints * (long * np.cos(lean)) ** 2
+    near = gap**2 < MISFIT * variance
+    assert 10 < near.sum() < 90
+    np.testing.assert_array_equal(told[0, 0, :, 1], near)
 
 
 @wp.kernel(enable_backward=False)
