@@ -4,14 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from chain_closings import ALONE, QUIET, TABLE, close
+from chain_closings import ALONE, QUIET, TABLE, close, poses_above
 from reference_chain import ReferenceChain
 
 from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain.chain_hand import ChainHand, capsule_ends, chain_of, hand_of_kind
 from warpgrasp.chain.chain_kernel import CAPSULES
+from warpgrasp.chain_closing import chain_closing
 from warpgrasp.chain_closing.chain_meeting import palm_of
 from warpgrasp.chain_closing.chain_self_contact import chain_self_contacts
+from warpgrasp.geometry.body import distance_to_bodies, scene_of
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ErrorTable
@@ -142,3 +144,35 @@ def test_meeting_is_not_simulated_where_it_is_switched_off() -> None:
     felt, truth = close(hand, "block", FAR, commands, QUIET, ALONE)
     assert (felt.status == 2).all()
     assert depths_between(hand, truth.rest_rad[0, 0, 0]).max() > 1e-3
+
+
+@pytest.mark.parametrize(("share", "other"), [(1.9, False), (2.1, True)])
+def test_a_stop_is_at_another_finger_if_two_skins_give_more_than_twice_what_one_does(
+    share: float, other: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links of fingers at a block, by forward kinematics and sampling, were they also pressed by
+    another finger so many times as deep."""
+    hand, poses = chain_of(hand_of_kind("allegro")), poses_above(12)
+    commands = chain_commands(hand, "curl40")
+    felt, alone = close(hand, "block", poses, commands)
+    scene, along = scene_of([body_from_name("block")], "cpu"), np.linspace(0, 1, 1001)[:, None]
+    deep = np.zeros(alone.link.shape)
+    for i, _, _, f in np.argwhere(alone.link >= 0):
+        pose = matrix_of(tuple(poses[i]))
+        for capsule, (a, b) in zip(hand.capsules[f], capsule_ends(hand, f, alone.q_rad[i, 0, 0, f]),
+                                   strict=True):
+            places = (a + (b - a) * along) @ pose[:3, :3].T + pose[:3, 3]
+            gap = np.minimum(distance_to_bodies(scene, np.zeros(1, int), places[None])[0][0],
+                             places[:, 2])
+            deep[i, 0, 0, f] = max(deep[i, 0, 0, f], capsule.radius - gap.min())
+
+    def pressed(hand: ChainHand, status: np.ndarray, slack: object, gaps: object, given: dict,
+                *others: object) -> None:
+        given["truth"].numpy()["self_depth"][...] = share * deep
+
+    monkeypatch.setattr(chain_closing, "resolve_meetings", pressed)
+    _, truth = close(hand, "block", poses, commands, contact=MEET)
+    stopped = (deep > 5e-5) & (felt.status == 1)
+    assert stopped.sum() > 10
+    assert (truth.self_contact[stopped] == other).all()
+    assert ((truth.link[stopped] < 0) == other).all()
