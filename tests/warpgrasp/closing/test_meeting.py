@@ -1,5 +1,6 @@
 """Fingers that meet: they stop at one another and at the palm, and the robot can tell."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,18 @@ from warpgrasp.closing.closing import Closing, ClosingTruth, close_fingers
 from warpgrasp.closing.closing_record import ClosingRow, ClosingTruthRow
 from warpgrasp.closing.near_kernel import pairs_that_may
 from warpgrasp.core.random import counter_key
+from warpgrasp.core.struct_array import Records, record_type
 from warpgrasp.finger.path_record import PathStep
+from warpgrasp.finger.path_table import path_on_device
 from warpgrasp.geometry.body import Body, Part, scene_of
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.mechanism.arm_motion import ArmState, move_hand
-from warpgrasp.mechanism.calibration import draw_calibration
+from warpgrasp.mechanism.calibration import (
+    draw_calibration,
+    no_errors,
+    true_hands,
+    true_tendons,
+)
 from warpgrasp.mechanism.tendon_kernel import TendonSensor
 from warpgrasp.mechanism.utah_mit_hand_kernel import Hand
 from warpgrasp.objects.catalogue import body_from_name
@@ -156,6 +164,33 @@ def test_errors_of_flexion_bring_no_neighbours_together(monkeypatch: pytest.Monk
     for errors in (ErrorTable.none(), ErrorTable()):
         close("block", ContactTable(), errors=errors)
     assert found[1] <= 0.05 * 8 * 18 * 2 + found[0]
+
+
+def test_a_finger_that_hangs_sideways_by_its_weight_may_meet_the_one_beside_it() -> None:
+    """A hand on its side, one of its straight fingers held: the next sinks to it by its torque
+    about the joint of abduction. It then curls, so that its last joints tell nothing of it."""
+    heavy = replace(HAND, link_density_kg_m3=5000.0)
+    length, radius = np.array(heavy.link_length_m), heavy.link_radius_m
+    weight = 9.81 * heavy.link_density_kg_m3 * np.pi * radius**2 * (length + 4 / 3 * radius)
+    lever = heavy.abduction_offset_m + length.cumsum() - length / 2
+    turn = float(weight @ lever) / heavy.joint_stiffness_Nm_rad
+    sinks = (heavy.abduction_offset_m + length.sum()) * np.sin(turn)
+    hand = replace(heavy, finger_spacing_m=2 * radius + 0.95 * sinks)
+    commands = np.zeros((1, 4, 10, 4))
+    commands[..., 1:] = np.radians(np.linspace(0.0, 60.0, 10))[:, None]
+    rows = np.zeros((1, 1, 1, 4), record_type(ClosingRow))
+    truths = np.zeros(rows.shape, record_type(ClosingTruthRow))
+    rows["step"], truths["q"], truths["touched"] = 9, commands[:, :, 9], -1
+    felt, truth = (Records(kind, values, "cpu") for kind, values in (
+        (ClosingRow, rows), (ClosingTruthRow, truths)))
+    for contact, may in ((ContactTable(), 1), (ContactTable(weight=False), 0)):
+        pairs = wp.zeros((1, 1, 1), dtype=int, device="cpu")
+        wp.launch(_pairs_kernel, pairs.shape, [
+            true_hands(hand, contact, no_errors(), "cpu"),
+            true_tendons(hand, SensorTable(), contact, no_errors(), "cpu"),
+            path_on_device(hand, contact, no_errors(), commands, "cpu")[0], felt.array,
+            truth.array], [pairs], device="cpu")
+        assert pairs.numpy().item() >> 1 & 1 == may  # the bit of fingers 0 and 1
 
 
 def test_a_finger_that_stopped_on_an_edge_holds_its_command() -> None:
