@@ -12,7 +12,7 @@ from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from strategies.poses.hand_poses import waypoint_poses
 from strategies.ready_made import STRATEGIES
 from sweeps.episode.given_prior import draw_prior
-from warpgrasp.core.dtypes import real, transform
+from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.core.random import counter_key
 from warpgrasp.finger.free_motion import advance_free, start_free
@@ -39,20 +39,24 @@ ASTRAY = replace(ErrorTable.none(), joint_offset_rad=0.03, link_length_share=0.0
 def _free_kernel(
     first: int, scene: Scene, hand: wp.array[Hand], base: wp.array[transform],
     path: wp.array3d[PathStep], links: wp.array4d[LinkStep], end: int, out: wp.array[int],
+    left: wp.array[vec3],
 ):
     i = wp.tid() + first
     own = hand[i % hand.shape[0]]
     convex = body_is_convex(scene, 0)
     begin = start_free(scene, 0, convex, own, base[i], links[0, FINGER, 1, 0].end)
-    out[i] = advance_free(
-        scene, 0, convex, own, base[i], path, links, 0, FINGER, real(1.0), begin, end).step
+    free = advance_free(
+        scene, 0, convex, own, base[i], path, links, 0, FINGER, real(1.0), begin, end)
+    out[i] = free.step
+    left[i] = free.room
 
 
 def followed(body: Body, hands: np.ndarray, commands: np.ndarray, errors: ErrorTable
-             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+             ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Of one finger of hands (row, 7), on commands (4, step, 4): the step to which it is free
-    (row,), how far its links, sampled, are from body and table at each (row, step) [m], by forward
-    kinematics with the true links' lengths and joints' zeros, and how far it may stray [m] (row,).
+    (row,), how far its links, sampled, are from body and table at each (row, step, link) [m], by
+    forward kinematics with the true links' lengths and joints' zeros, how far it may stray [m]
+    (row,), and how far its links are told still to be free to move [m] (row, link).
     """
     drawn = draw_calibration(errors, counter_key(6, np.arange(4)))
     hands = np.repeat(hands, drawn.worlds, axis=0)
@@ -61,16 +65,17 @@ def followed(body: Body, hands: np.ndarray, commands: np.ndarray, errors: ErrorT
     path, links = path_on_device(HAND, FREE, drawn, commands[None], "cpu")
     points, _ = hand_links(HAND, hands, np.tile(commands[:, 0], (n, 1, 1)))
     base = np.concatenate([points[:, FINGER, 0], hands[:, 3:]], 1)
-    out = wp.zeros(n, dtype=int, device="cpu")
+    out, left = (wp.zeros(n, dtype=kind, device="cpu") for kind in (int, vec3))
     own = true_hands(HAND, FREE, drawn, "cpu").numpy()[:, FINGER]
     launch(_free_kernel, {"row": n}, {
-        "hand": "world", "base": "row", "path": "1 4 step", "links": "1 4 3 step", "out": "row"}, {
+        "hand": "world", "base": "row", "path": "1 4 step", "links": "1 4 3 step", "out": "row",
+        "left": "row"}, {
         "scene": scene, "hand": wp.array(own, dtype=Hand, device="cpu"), "path": path,
-        "end": steps, "links": links, "out": out,
+        "end": steps, "links": links, "out": out, "left": left,
         "base": wp.array(base, dtype=transform, device="cpu")}, device="cpu")
 
     share = np.linspace(0, 1, 23)[:, None]
-    room = np.empty((n, steps))
+    room = np.empty((n, steps, 3))
     for world in range(drawn.worlds):
         mine = slice(world, None, drawn.worlds)
         true = replace(HAND, link_length_m=tuple(
@@ -83,18 +88,19 @@ def followed(body: Body, hands: np.ndarray, commands: np.ndarray, errors: ErrorT
         at = np.einsum("nab,slkb->nslka", turn, along).reshape(len(turn), -1, 3)
         at += base[mine, None, :3]
         distance = np.minimum(distance_to_bodies(scene, np.zeros(1, int), at)[0], at[..., 2])
-        room[mine] = distance.reshape(len(turn), steps, -1).min(-1) - HAND.link_radius_m
-    return out.numpy(), room, np.resize(own["sag"].max(-1), n)
+        room[mine] = distance.reshape(len(turn), steps, 3, -1).min(-1) - HAND.link_radius_m
+    return out.numpy(), room, np.resize(own["sag"].max(-1), n), left.numpy()
 
 
-def check(out: np.ndarray, room: np.ndarray, stray: np.ndarray) -> None:
-    touched = 0
+def check(out: np.ndarray, rooms: np.ndarray, stray: np.ndarray, left: np.ndarray) -> None:
+    touched, room = 0, rooms.min(-1)
     for row, step in enumerate(out):
         assert (room[row, :step] > -2e-4).all()  # a link's nearest place lies between samples
         if step < room.shape[1]:
             touched += 1
             # A finger that may not stand where it is computed counts as touching a little before.
             assert room[row, step] < 2e-4 + 0.02 * stray[row]
+            assert (left[row] < rooms[row, step] + 2e-4).all()
     assert touched > len(out) // 2
 
 
