@@ -41,7 +41,7 @@ def hand_at(
     """The true pose of the hand, a `share` of the way from where it slips by `slip` to `last`.
 
     Calibration errors change so little along a line that straight between its ends is exact to a
-    micrometre.
+    few micrometres on 20 mm, to 0.02 mm on 60 mm.
     """
     a = wp.transform_get_rotation(slip)
     b = wp.transform_get_rotation(last)
