@@ -21,7 +21,7 @@ TRIPLES = 96
 """Candidate planes per set: with 40 % outliers, all fail with probability 2e-11."""
 SLIVER = 0.1
 """A triangle is a sliver if its relative width is below this fraction of the widest."""
-NARROW = 0.1
+NARROW = 0.05
 """Touches near a plane lie along a line if narrower than this fraction of the widest."""
 TUKEY = 4.685
 """Standard deviations at which the weight is zero: 95 % efficiency on Gaussian residuals."""
