@@ -82,7 +82,8 @@ def _draw(axes: Any, points: np.ndarray, faces: np.ndarray) -> None:
 def _faces(fits: Any, row: int) -> np.ndarray:
     """The surface of one fit, (face, 3 or 4, 3) [m]."""
     if isinstance(fits, FreeForms):
-        return coarse_mesh(fits.mesh[row]).corners_m
+        mesh = fits.mesh[row]
+        return coarse_mesh(mesh).corners_m if len(mesh.faces) else mesh.corners_m
     if isinstance(fits, PlaneFit):
         u, v = 0.5 * fits.extent_m[row][:, None] * fits.axes[row]
         centre = fits.centre_m[row]

@@ -243,11 +243,11 @@ def profile_path(out: Path) -> Path:
 
 
 def mesh_names(names: Sequence[str]) -> list[str]:
-    """A file for the mesh of each set: its name, of letters, digits, points and hyphens, with its
-    number where another set would have the same file."""
+    """A file for the mesh of each set: its name, of letters, digits, points and hyphens, after its
+    number if two sets would have the same file."""
     plain = [re.sub(r"[^\w.-]+", "_", name).strip("._") or "set" for name in names]
-    count = Counter(name.lower() for name in plain)
-    return [f"{name}-{number}.ply" if count[name.lower()] > 1 else f"{name}.ply"
+    shared = len({name.lower() for name in plain}) < len(plain)
+    return [f"{number}-{name}.ply" if shared else f"{name}.ply"
             for number, name in enumerate(plain, 1)]
 
 

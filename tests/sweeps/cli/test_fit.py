@@ -11,9 +11,13 @@ import numpy as np
 import pytest
 import trimesh
 
+from fit.implicit.record import FreeForms, TriangleMesh
+from fit.point_sets import PointSets
 from fit.superquadric.geometry import superquadric, superquadric_surface
 from sweeps.cli import main as cli
 from sweeps.cli.tools import fit_points as fit_command
+from sweeps.cli.tools.fit_advice import free_form_advice
+from sweeps.figures.fits import draw_fits
 
 SUPERQUADRIC = ["set", "n", "a1_m", "a2_m", "a3_m", "eps1", "eps2", "px_m", "py_m", "pz_m", "qx",
                 "qy", "qz", "qw", "kx", "ky", "bend_per_m", "bend_angle_rad", "rms_mm",
@@ -438,8 +442,8 @@ def test_free_forms_with_their_surfaces_and_what_is_guessed_of_them(
     assert re.search(r"leave a side open.*: half \(up to \d+ mm from any touch\);", printed.err)
 
     assert sorted(path.name for path in meshes.iterdir()) == [
-        "a_b-1.ply", "a_b-2.ply", "half.ply"]
-    mesh = trimesh.load_mesh(meshes / "a_b-1.ply")
+        "1-a_b.ply", "2-a_b.ply", "4-half.ply"]
+    mesh = trimesh.load_mesh(meshes / "1-a_b.ply")
     assert mesh.is_watertight
     assert float(mesh.volume) == pytest.approx(true, rel=0.05)
     assert mesh.bounds.mean(axis=0) == pytest.approx([0.4, 0.0, 0.08], abs=3e-3)
@@ -457,6 +461,19 @@ def test_normals_of_free_forms_point_outwards(
     said = capsys.readouterr().err
     assert "most normals of in point to the middle of its touches; they should point out" in said
     assert "normals of out" not in said
+
+
+def test_a_free_form_without_a_surface_is_drawn_and_named() -> None:
+    points = ellipsoid(4)[0]
+    sets = PointSets(("alone",), points, np.array([len(points)]))
+    empty = np.array([None], object)
+    empty[0] = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+    nan = np.full(1, np.nan)
+    found = FreeForms(empty, nan, np.full((1, 2), np.nan), nan, nan, nan, np.zeros(1),
+                      np.array([len(points)]), np.zeros(1, int))
+    assert draw_fits(sets, found, "png").startswith(b"\x89PNG")
+    said, = free_form_advice(sets.names, found)
+    assert said.startswith("no surface is left of alone")
 
 
 def test_meshes_are_of_free_forms(tmp_path: Path, points: Path,
