@@ -159,14 +159,11 @@ def _best_triple(sets: Sets) -> tuple[np.ndarray, np.ndarray]:
     trimmed = np.where(half[:, None], ordered, 0.0).sum(axis=2)
     # Exclude slivers, and planes whose nearest touches lie along a line, unless all are such. The
     # width is relative to the triangle's size, since one with an outlier is far larger than others.
-    # The triangle's own touches do not count: a line and any one touch beside it span a plane.
     edges = np.linalg.norm(corners - np.roll(corners, 1, axis=2), axis=3).max(axis=2)
     width = length / np.maximum(edges, 1e-150) ** 2
     sliver = width < SLIVER * width.max(axis=1, keepdims=True)
     farthest = np.take_along_axis(ordered, (sets.count // 2)[:, None, None], axis=2)
-    near = (square <= farthest) & sets.mask[:, None]
-    np.put_along_axis(near, index, False, axis=2)
-    width = _width(sets.points, near)
+    width = _width(sets.points, (square <= farthest) & sets.mask[:, None])
     sliver |= width < NARROW**2 * np.where(sliver, 0.0, width).max(axis=1, keepdims=True)
     best = np.argmin(np.where(sliver, np.inf, trimmed), axis=1)
     rows = np.arange(len(best))
