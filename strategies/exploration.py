@@ -197,8 +197,8 @@ class RunningExploration:
 
     def finish(self) -> bool:
         """Fit from new starts what was refined since, or never fitted; False if there is none."""
-        last = len(self.news) > 0
-        if last:
+        late = len(self.news) > 0
+        if late:
             self._refit(np.arange(self.robot.worlds))
         links = self.links if self.intrinsic else None
         self.fitted, rows = finished(self.fitted, self.felt, links, self.table)
@@ -206,7 +206,7 @@ class RunningExploration:
         self.fitted, more = straightened(self.fitted, self.felt, links, self.prior,
                                          self.recovered.shape == Shape.PRIOR, self.table)
         self._conclude(more)
-        return last or len(rows) + len(more) > 0
+        return late or len(rows) + len(more) > 0
 
     def result(self) -> Exploration:
         """The episodes as far as they have come."""

@@ -1,5 +1,5 @@
-"""Free forms of sets of touches with all that is told of them: meshes, volumes, and how far their
-surfaces are from any touch."""
+"""Free forms of sets of touches with their meshes, their volumes, and how far their surfaces are
+from any touch."""
 
 import numpy as np
 from jaxtyping import Bool, Float

@@ -144,8 +144,8 @@ class TriangleMesh:
 
 @dataclass(frozen=True)
 class FreeForms:
-    """Free forms with all that is told of them, one a row; numbers of sets without a fit are NaN,
-    their meshes empty."""
+    """Free forms with their meshes, volumes and uncertainties, one a row; numbers of sets without a
+    fit are NaN, their meshes empty."""
 
     mesh: np.ndarray
     """`TriangleMesh` of each, (fit,)."""

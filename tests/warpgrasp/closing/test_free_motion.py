@@ -56,7 +56,7 @@ def followed(body: Body, hands: np.ndarray, commands: np.ndarray, errors: ErrorT
     """Of one finger of hands (row, 7), on commands (4, step, 4): the step to which it is free
     (row,), how far its links, sampled, are from body and table at each (row, step, link) [m], by
     forward kinematics with the true links' lengths and joints' zeros, how far it may stray [m]
-    (row,), and how far its links are told still to be free to move [m] (row, link).
+    (row,), and how far each link may still move freely [m] (row, link).
     """
     drawn = draw_calibration(errors, counter_key(6, np.arange(4)))
     hands = np.repeat(hands, drawn.worlds, axis=0)

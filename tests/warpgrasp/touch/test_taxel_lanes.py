@@ -1,5 +1,5 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Taxels read side by side say what they say one by one; what is told of counts and images."""
+"""Taxels read side by side give what they give one by one; counts, images and noise of pads."""
 
 import numpy as np
 import pytest
