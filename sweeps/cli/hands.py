@@ -64,6 +64,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     from sweeps.output import note, quiet_stdout
     from sweeps.report.hand_picture import hand_picture
     from sweeps.result_file import check_result, write_result
+    from warpgrasp.chain.chain_pads import fitted_pads
     from warpgrasp.hands.capsule_fit import skin_notes
     from warpgrasp.hands.hand_file import hand_from_file
     from warpgrasp.hands.hand_writer import hand_text
@@ -85,8 +86,9 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             model, text = hand_from_file(urdf), None
         else:
             model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))
-            text = hand_text(model, notes, guessed=True, framed=FRAMED in notes)
-            for line in notes:
+            model, changes = fitted_pads(model)
+            text = hand_text(model, (*notes, *changes), guessed=True, framed=FRAMED in notes)
+            for line in (*notes, *changes):
                 note(line)
         _say_guesses(model)
         for line in skin_notes(model):

@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "chain_lanes": ["CHAIN_LANES"],
     "chain_move": ["chain_clearance", "palm_and_wrist", "palm_bars"],
     "chain_pairs": ["chain_opposed"],
-    "chain_pads": ["own_pads", "pad_misfit", "pad_places"],
+    "chain_pads": ["fitted_pads", "own_pads", "pad_misfit", "pad_places"],
     "chain_postures": ["chain_extended"],
     "free_lanes": ["capsules_in_lanes"],
     "torque_sensor": ["KINDS", "command_range", "true_sensors"],

@@ -5,13 +5,21 @@ where there are several side by side it bridges the grooves between them. A hand
 it otherwise.
 """
 
+from dataclasses import replace
 from functools import lru_cache
-from math import cos, sin
+from math import cos, pi, sin
 
 import numpy as np
 
-from warpgrasp.chain.chain_hand import ChainHand, palmar_sides
-from warpgrasp.hands.hand_model import Capsule, HandError, PadPlace, vector_of
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, palmar_sides
+from warpgrasp.hands.hand_model import (
+    Capsule,
+    HandError,
+    HandModel,
+    PadPlace,
+    PadSize,
+    vector_of,
+)
 from warpgrasp.parameters import PadTable
 from warpgrasp.spec_words import reckoned
 from warpgrasp.table_misfit import pad_width_misfit
@@ -21,6 +29,11 @@ _PARALLEL = 0.95
 _ACROSS = 9
 """Places across a pad at which it is to stand off the skin."""
 _FINER_M = 1e-4
+_WIDEST = 0.95
+"""Of half the way around the thinnest link: the most that a pad's width is guessed to be."""
+_STRAIGHT = 0.2, 0.9
+"""Of a link's length, what a pad goes along at least and at most beyond what is bent over the
+fingertip, where its size is a guess."""
 _BALL_M = 2e-6
 """A link's capsule that is no longer is a ball."""
 
@@ -54,10 +67,7 @@ def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, 
     found = []
     for name in sorted(model.pads, key=names.index):
         place = said.get(name) or _on_capsules(hand, finger, names.index(name), pads)
-        length = float(np.linalg.norm(np.subtract(place.end, place.start)))
-        bent = 0.0
-        if name == names[-1]:
-            bent = pads.wrap_rad * (place.radius + pads.thickness_m)
+        bent, length = _room(place, name == names[-1], pads)
         if not 0.0 <= pads.length_m - bent <= length:
             what = f"of {length * 1e3:.3g} mm" if length > _BALL_M else "that is a ball"
             fits = f"{bent * 1e3:.3g} to {(bent + length) * 1e3:.3g}"
@@ -72,6 +82,53 @@ def pad_places(hand: ChainHand, finger: int, pads: PadTable) -> tuple[PadPlace, 
             raise HandError(f"{hand.model.name}: finger {model.name}, link {name}: {wrong}")
         found.append(place)
     return tuple(found)
+
+
+def fitted_pads(model: HandModel) -> tuple[HandModel, tuple[str, ...]]:
+    """A hand whose file says no size of its pads, with one that fits most of its fingers and is
+    nearest to a spec's defaults, and what was changed, a sentence each. Fingers that it does not
+    fit bear no pad."""
+    hand, usual = chain_of(model), PadTable()
+    least = min((c.radius for own in hand.capsules for c in own), default=np.inf)
+    width = min(usual.width_m, _WIDEST * pi * (least + usual.thickness_m))
+    table = replace(usual, width_m=width)
+    fits: dict[int, list[tuple[float, float]]] = {}
+    for n, finger in enumerate(model.fingers):
+        names = [joint.name for joint in finger.joints]
+        try:
+            rooms = [_room(_on_capsules(hand, n, names.index(name), table), name == names[-1],
+                           table) for name in finger.pads]
+        except HandError:
+            continue
+        fits[n] = [(bent, bent + length) for bent, length in rooms]
+    tried = [usual.length_m, *(
+        float(np.clip(usual.length_m, low + _STRAIGHT[0] * (high - low),
+                      low + _STRAIGHT[1] * (high - low)))
+        for own in fits.values() for low, high in own)]
+    length = max(tried, key=lambda tried_m: (
+        sum(_holds(own, tried_m) for own in fits.values()), -abs(tried_m - usual.length_m)))
+    bare = [n for n, finger in enumerate(model.fingers)
+            if finger.pads and not _holds(fits.get(n, [(np.inf, 0.0)]), length)]
+    notes = [f"finger {model.fingers[n].name} bears no pad, as its links have no room for one of "
+             f"{length * 1e3:.1f} mm" for n in bare]
+    fingers = tuple(replace(finger, pads=()) if n in bare else finger
+                    for n, finger in enumerate(model.fingers))
+    if length == usual.length_m and width == usual.width_m:
+        return replace(model, fingers=fingers), tuple(notes)
+    notes.append(f"pads are {width * 1e3:.1f} x {length * 1e3:.1f} mm, for which links have room")
+    size = PadSize(width, length, usual.wrap_rad, usual.thickness_m)
+    return replace(model, fingers=fingers, pad_size=size), tuple(notes)
+
+
+def _holds(rooms: list[tuple[float, float]], length_m: float) -> bool:
+    return all(low <= length_m <= high for low, high in rooms)
+
+
+def _room(place: PadPlace, outermost: bool, pads: PadTable) -> tuple[float, float]:
+    """How much of a pad is bent over the fingertip, and how much more may lie along its link [m].
+    """
+    bent = pads.wrap_rad * (place.radius + pads.thickness_m) if outermost else 0.0
+    return bent, float(np.linalg.norm(np.subtract(place.end, place.start)))
 
 
 def _on_capsules(hand: ChainHand, finger: int, joint: int, pads: PadTable) -> PadPlace:

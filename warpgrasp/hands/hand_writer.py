@@ -35,7 +35,7 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
         lines += [f"[closings.{_text(path.name)}]{mark}",
                   f"start = {_text(path.start)}", f"end = {_text(path.end)}",
                   f"moves = [{', '.join(map(_text, path.moves))}]", ""]
-    lines += _touching(model)
+    lines += _touching(model, mark)
     for shape in model.palm:
         lines += ["[[palm]]", *_shape(shape), ""]
     for finger in model.fingers:
@@ -43,11 +43,12 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
     return "\n".join(lines)
 
 
-def _touching(model: HandModel) -> list[str]:
+def _touching(model: HandModel, mark: str) -> list[str]:
     """Pads, the finger that is extended, and the pair that is opposed, as far as they are said."""
     lines = []
     if (size := model.pad_size) is not None:
-        lines += ["[pads]  # of every finger's", f"width_mm = {_number(size.width_m * 1e3)}",
+        lines += [f"[pads]{f'{mark};' if mark else '  #'} of every finger's",
+                  f"width_mm = {_number(size.width_m * 1e3)}",
                   f"length_mm = {_number(size.length_m * 1e3)}",
                   f"wrap_deg = {_degrees(size.wrap_rad)}",
                   f"thickness_mm = {_number(size.thickness_m * 1e3)}", ""]

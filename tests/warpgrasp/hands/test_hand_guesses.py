@@ -138,3 +138,81 @@ def test_a_hand_approaches_square_to_its_straight_fingers(coupled: bool) -> None
     ways = np.linspace(*(posture_angles(model, model.posture(name)) for name in ("open", "closed")))
     heights = (finger_tips(model, ways) - frame[:3, 3]) @ frame[:3, 2]
     assert (heights[:, :3].max(0) > 0.05).all()
+
+
+def gripper(ways: tuple[float, ...], ranges: tuple[Range, ...] = ((0.0, 1.0),) * 2,
+            axis: Vector = ACROSS) -> HandModel:
+    """Fingers that stand 30 mm apart along y, on either side of the hand: +1 at -x, -1 at x. All
+    bend across, towards the other side."""
+    fingers = [finger(f"f{n}", -0.05 * way, (axis,) * len(ranges), ranges,
+                      0.0 if way > 0 else np.pi) for n, way in enumerate(ways)]
+    return guessed(*(replace(one, joints=(replace(
+        one.joints[0], place=(one.joints[0].place[0], 0.03 * n, *one.joints[0].place[2:])),
+        *one.joints[1:])) for n, one in enumerate(fingers)))
+
+
+@pytest.mark.parametrize("ways", [(1, -1), (1, 1, -1), (1, -1, 1, -1), (1, -1, 1, -1, 1)])
+def test_a_gripper_of_any_fingers_points_at_what_it_closes_on(ways: tuple[float, ...]) -> None:
+    """Also where fingers of one side are left when one of them is taken for the thumb."""
+    model = gripper(ways)
+    frame = matrix_of(model.grasp_frame)
+    assert frame[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-9)
+    assert abs(frame[0, 0]) == pytest.approx(1.0, abs=0.3)  # along which it closes
+    if len(ways) > 2:
+        thumb = [one.name for one in model.fingers].index(model.thumb)
+        assert ways.count(ways[thumb]) <= len(ways) / 2  # of the side of fewer fingers
+
+
+def test_a_gripper_of_leaning_fingers_points_between_them() -> None:
+    """Not where the fingers of one side lean."""
+    lean = np.array([0.0, np.sin(0.2), 0.0, np.cos(0.2)])  # about y
+    fingers = []
+    for name, x, half_turn in (("a", -0.05, False), ("b", -0.05, False), ("thumb", 0.05, True)):
+        one = finger(name, x, (ACROSS, ACROSS), ((0.0, 1.0),) * 2)
+        q = (lean[1], 0.0, lean[3], 0.0) if half_turn else (0.0, -lean[1], 0.0, lean[3])
+        y = 0.03 * (name == "b") - 0.015 * (name != "thumb")
+        fingers.append(replace(one, joints=(replace(one.joints[0], place=(x, y, 0.0, *q)),
+                                            *one.joints[1:])))
+    model = guessed(*fingers)
+    frame = matrix_of(model.grasp_frame)
+    assert frame[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert frame[:3, 0] == pytest.approx([1.0, 0.0, 0.0], abs=1e-6)
+
+
+def test_a_gripper_opens_as_far_as_its_joints_say() -> None:
+    """Those next to the palm first, and by 0.7 rad in all; others not."""
+    opened = angles(gripper((1, -1), ((-0.5, 1.0), (-0.5, 1.0), (0.0, 1.0))), "open")
+    for n in (0, 1):
+        assert opened[f"f{n}0"] == pytest.approx(-0.5)
+        assert opened[f"f{n}1"] == pytest.approx(-0.2)
+        assert f"f{n}2" not in opened
+    both = angles(gripper((1, -1), ((-1.2, 1.2),) * 2), "open")
+    assert not any(both.values())  # these ranges do not say what is open
+
+
+def test_joints_of_symmetric_ranges_close_towards_the_other_fingers() -> None:
+    """To whichever side their axes point."""
+    for axis in (ACROSS, (0.0, -1.0, 0.0)):
+        model = gripper((1, -1, 1), ((-1.2, 1.2),) * 2, axis)
+        tips = finger_tips(model, np.stack([
+            posture_angles(model, model.posture(name)) for name in ("open", "closed")]))
+        assert (np.abs(tips[1, :, 0]) < np.abs(tips[0, :, 0])).all()
+
+
+def test_a_thumb_beside_the_fingers_makes_no_gripper() -> None:
+    """Its tip goes against theirs, but it stands no farther ahead than they do: the palm faces the
+    object, unless the gap between thumb and fingers leaves more room."""
+    fingers = [finger(name, 0.0, (ACROSS,) * 2, ((0.0, 1.5),) * 2) for name in "abc"]
+
+    def with_thumb(ahead_m: float) -> HandModel:
+        thumb = finger("thumb", ahead_m, (ACROSS,) * 2, ((0.0, 1.5),) * 2, np.pi)
+        place = (ahead_m, 0.04, -0.03, *thumb.joints[0].place[3:])
+        return guessed(*fingers, replace(thumb, joints=(
+            replace(thumb.joints[0], place=place), *thumb.joints[1:])))
+
+    beside = with_thumb(0.005)
+    assert matrix_of(beside.grasp_frame)[:3, 2] == pytest.approx([1.0, 0.0, 0.0], abs=5e-3)
+    assert angles(beside, "open")["a0"] == pytest.approx(OPEN * 1.5)
+    across = with_thumb(0.06)
+    assert matrix_of(across.grasp_frame)[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
+    assert not any(angles(across, "open").values())
