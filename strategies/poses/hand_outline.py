@@ -21,8 +21,6 @@ from warpgrasp.hands.hand_model import BASE_FIRST
 from warpgrasp.parameters import HandTable
 
 _WAY_STEPS = 61
-_ALONG = np.linspace(0.0, 1.0, 5)
-"""Where balls stand in for a capsule, from its start to its end."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +37,6 @@ class HandOutline:
     """Places of the open fingers, (place, 3), and the radii about them, (place,): no part of the
     open fingers lies beyond these balls as seen along the approach."""
     open_radius_m: np.ndarray
-    solid_m: np.ndarray
-    """Places in palm and open fingers, (place, 3), and the radii of balls about them, (place,).
-    None of the default hand, whose distances are such that it strikes no prior."""
-    solid_radius_m: np.ndarray
     centre_m: tuple[float, float]
     """Where fingers that close meet, x and y of the hand's frame."""
     reach_m: float
@@ -76,8 +70,7 @@ def _utah_mit(hand: HandTable) -> HandOutline:
     z = hand.abduction_offset_m + length * np.cos(spread)
     tips = np.array([(sx * x, y * hand.finger_spacing_m, z) for sx in (-1, 1) for y in (-1, 1)])
     return HandOutline(
-        4, 4, 3, hand.link_radius_m, tips, np.full(len(tips), hand.link_radius_m),
-        np.zeros((0, 3)), np.zeros(0), (0.0, 0.0),
+        4, 4, 3, hand.link_radius_m, tips, np.full(len(tips), hand.link_radius_m), (0.0, 0.0),
         hand.abduction_offset_m + length, hand.palm_gap_m / 2,
         1.5 * hand.finger_spacing_m + hand.link_radius_m, x - hand.link_radius_m, 1.0, 1.0)
 
@@ -89,10 +82,6 @@ def _chains(hand: ChainHand) -> HandOutline:
     radii = [np.array([c.radius for c in own]) for own in hand.capsules]
     places = np.concatenate([e.reshape(-1, 3) for e in ends])
     radius = np.concatenate([np.repeat(r, 2) for r in radii])
-    palm = np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 2, 3)
-    bars = np.concatenate([palm, *[e.reshape(-1, 2, 3) for e in ends]])
-    thick = np.concatenate([[c.radius for c in hand.palm], *radii])
-    solid = (bars[:, :1] + (bars[:, 1:] - bars[:, :1]) * _ALONG[:, None]).reshape(-1, 3)
     tips = tip_places(hand, np.moveaxis(way, 0, 1))
     # Straight fingers reach farthest: each at its highest while its base closes alone.
     straight = tip_places(hand, np.moveaxis(chain_commands(hand, BASE_FIRST), 0, 1))
@@ -104,7 +93,7 @@ def _chains(hand: ChainHand) -> HandOutline:
     bases = np.array([link_frames_of(hand, f, way[f, 0])[0, :3, 3] for f in range(hand.fingers)])
     return HandOutline(
         hand.fingers, hand.width, hand.links, min(float(r.min()) for r in radii), places, radius,
-        solid, np.repeat(thick, len(_ALONG)), (x, y), reach, float(np.abs(bases[:, 0] - x).max()),
+        (x, y), reach, float(np.abs(bases[:, 0] - x).max()),
         float((np.abs(places[:, 1] - y) + radius).max()), opened, scale,
         max(opened / usual.open_half_m, scale))
 

@@ -28,11 +28,6 @@ from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.parameters import HandTable
 
 TABLE_CLEARANCE_M = 0.010
-PRIOR_CLEARANCE_M = 0.005
-"""Of palm and open fingers from the prior [est]."""
-_FARTHEST_BACK_M, _BACKINGS, _CLEAR_M = 0.100, 12, 0.002
-"""How far a hand of the default hand's reach backs off at most, in how many steps, and how much of
-its clearance may be left [est]."""
 THIN_RADIUS_M = 0.020
 UPRIGHT = 0.3
 """The level part of a unit vector below which its azimuth says little."""
@@ -114,37 +109,8 @@ def pose_about(
     back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
     place = place - approach * back[..., None]
     place[..., 2] += np.where(level_or_up, short, 0.0)
-    place = place - approach * _back_from_prior(outline, prior, place, frame)[..., None]
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)
-
-
-def _back_from_prior(
-    outline: HandOutline, prior: BoundingCylinder, place: np.ndarray, frame: np.ndarray
-) -> np.ndarray:
-    """How far a hand at `place`, (world, probe, 3), backs off along its approach [m], (world,
-    probe), lest its palm or its open fingers strike the prior. One that strikes it all the same
-    when it has gone as far as it may stays."""
-    back = np.zeros(place.shape[:2])
-    if not len(outline.solid_m):
-        return back
-    world, probe = np.indices(back.shape).reshape(2, -1)
-    foot = place - np.stack([prior.x_m, prior.y_m, np.zeros(prior.worlds)], -1)[:, None]
-    for _ in range(_BACKINGS):
-        here = frame[world, probe]
-        off = foot[world, probe] - here[..., 2] * back[world, probe, None]
-        x, y, z = np.moveaxis(here @ outline.solid_m.T + off[..., None], 1, 0)
-        half = prior.height_m[world, None] / 2
-        side, end = prior.level_gap(world, x, y), np.abs(z - half) - half
-        gap = np.hypot(np.maximum(side, 0.0), np.maximum(end, 0.0)) + np.minimum(
-            np.maximum(side, end), 0.0)
-        short = PRIOR_CLEARANCE_M - (gap - outline.solid_radius_m).min(-1)
-        world, probe, short = (v[short > _CLEAR_M] for v in (world, probe, short))
-        if not len(short):
-            break
-        back[world, probe] += short
-    back[world, probe] = 0.0
-    return np.where(back < outline.scale * _FARTHEST_BACK_M, back, 0.0)
 
 
 def _closing_azimuth(frame: np.ndarray) -> np.ndarray:

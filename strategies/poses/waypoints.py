@@ -61,11 +61,6 @@ class BoundingCylinder:
         """
         return np.broadcast_to(self.radius_m[:, None], angle.shape)
 
-    def level_gap(self, world: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """Signed distance [m] from the side of the object of `world` (pose,) at level places about
-        its axis, (pose, place)."""
-        return np.hypot(x_m, y_m) - self.radius_m[world, None]
-
     def front(self) -> np.ndarray:
         """The azimuth of the side that faces the robot's base [rad], (world,)."""
         return np.arctan2(-self.y_m, -self.x_m)
@@ -91,14 +86,6 @@ class BoundingBox(BoundingCylinder):
         turned = angle - self.yaw_rad[:, None]
         return (self.half_m[:, :1] * np.abs(np.cos(turned))
                 + self.half_m[:, 1:] * np.abs(np.sin(turned)))
-
-    def level_gap(self, world: np.ndarray, x_m: np.ndarray, y_m: np.ndarray) -> np.ndarray:
-        """As of a cylinder, (pose, place)."""
-        c, s = np.cos(self.yaw_rad[world, None]), np.sin(self.yaw_rad[world, None])
-        along = np.abs(c * x_m + s * y_m) - self.half_m[world, :1]
-        across = np.abs(c * y_m - s * x_m) - self.half_m[world, 1:]
-        return np.hypot(np.maximum(along, 0.0), np.maximum(across, 0.0)) + np.minimum(
-            np.maximum(along, across), 0.0)
 
     def front(self) -> np.ndarray:
         """The azimuth of the face nearest to facing the robot's base [rad], (world,)."""

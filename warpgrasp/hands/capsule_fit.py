@@ -3,8 +3,10 @@ skin.
 
 A capsule's surface is fitted to points of the mesh's convex hull by least squares of their
 signed distances; what lies inside a mesh touches nothing. A plate is a box: the nearest capsule to
-it is a ball about as wide as the plate.
+it is a ball about as wide as the plate. So is a bulky mesh, such as a palm, if a box is nearer.
 """
+
+from dataclasses import replace
 
 import numpy as np
 import trimesh
@@ -20,6 +22,11 @@ _SEED = 0
 _PLATE = 0.5
 """What is thinner, as a share of its second longest side, is a plate: so is a cylinder shorter than
 its radius."""
+_NEAR_M = 0.005
+"""A capsule that is off by less at most is near enough [est]."""
+_NEARER = 0.8
+"""Times as far off as the capsule is, in the root mean square, a box is at most where it stands for
+a mesh that is no plate [est]."""
 _FLAT_M = 1e-6
 """Points that are nearer to a plane, or to a box that is a mesh's own, lie in it."""
 _BALL_M = 1e-4
@@ -41,9 +48,10 @@ def distance_to_capsule(points_m: np.ndarray, start: np.ndarray, end: np.ndarray
 
 
 def fit_shape(vertices_m: np.ndarray) -> Shape:
-    """The capsule nearest to the convex hull of points (n, 3) [m], or, of one that is less than
-    half as thick as it is wide, a box as thick and of as much volume; with its largest error.
+    """The capsule nearest to the convex hull of points (n, 3) [m], with its largest error.
 
+    Of a hull that is less than half as thick as it is wide a box as thick and of as much volume;
+    of one from which the capsule is off by 5 mm and more a box of its volume, if that is nearer.
     Raises ValueError for points in one plane.
     """
     off = vertices_m - vertices_m.mean(0)
@@ -57,18 +65,36 @@ def fit_shape(vertices_m: np.ndarray) -> Shape:
         hull, _POINTS, seed=_SEED)[0]])
     to_box, sides = trimesh.bounds.oriented_bounds(hull)
     thin, wide, _ = np.sort(sides)
+    frame, fill = np.linalg.inv(to_box), float(hull.volume / np.prod(sides))
     if thin < _PLATE * wide:
-        return _plate(points, np.linalg.inv(to_box), sides, float(hull.volume))
-    return _nearest_capsule(points)
+        return _box(points, frame, sides * np.where(sides > sides.min(), np.sqrt(fill), 1.0))
+    capsule = _nearest_capsule(points)
+    if capsule.fit_error_m > _NEAR_M:
+        box = _box(points, frame, sides * np.cbrt(fill))
+        off = distance_to_capsule(points, np.array(capsule.start), np.array(capsule.end),
+                                  capsule.radius)
+        if _rms(_off_box(points, box)) < _NEARER * _rms(off):
+            return box
+    return capsule
 
 
-def _plate(points: np.ndarray, frame: np.ndarray, sides: np.ndarray, volume_m3: float) -> Box:
-    """A box in the frame (4, 4) of the one about a hull, its two longer sides shortened alike."""
-    size = sides * np.where(sides > sides.min(), np.sqrt(volume_m3 / np.prod(sides)), 1.0)
-    own = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - size / 2
+def _box(points: np.ndarray, frame: np.ndarray, size: np.ndarray) -> Box:
+    """A box of some sides (3,) in the frame (4, 4) of the one about a hull."""
+    box = Box(place_of(frame), vector_of(size))
+    error = float(_off_box(points, box).max())
+    return replace(box, fit_error_m=error * (error > _FLAT_M))
+
+
+def _off_box(points: np.ndarray, box: Box) -> np.ndarray:
+    """Distances of points (n, 3) from a box's surface [m]."""
+    frame = matrix_of(box.place)
+    own = np.abs((points - frame[:3, 3]) @ frame[:3, :3]) - np.array(box.size) / 2
     outside = np.linalg.norm(np.maximum(own, 0.0), axis=1)
-    error = float(np.where(outside > 0.0, outside, -own.max(1)).max())
-    return Box(place_of(frame), vector_of(size), error * (error > _FLAT_M))
+    return np.where(outside > 0.0, outside, -own.max(1))
+
+
+def _rms(off: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(off**2)))
 
 
 def _nearest_capsule(points: np.ndarray) -> Capsule:

@@ -1,5 +1,6 @@
 """Collision shapes of a URDF's links: boxes and balls as they are, cylinders with a ball at either
-end as capsules, other cylinders and meshes as fitted capsules, or as boxes where they are flat."""
+end as capsules, other cylinders and meshes as fitted capsules, or as boxes where these are nearer.
+"""
 
 import math
 from pathlib import Path

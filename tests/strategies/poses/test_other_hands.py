@@ -118,8 +118,6 @@ def test_hands_that_open_wider_come_nearer_to_what_is_wide(tmp_path: Path) -> No
     for radius in (0.05, 0.08):
         nearer = palm_away_m(usual, radius) - palm_away_m(wider, radius)
         assert nearer == pytest.approx(1.5 * radius * (1 - 1 / ratio), abs=1e-3)
-    # One that hardly opens reaches nothing from farther off: only as far as it must.
+    # One that hardly opens reaches nothing from farther off.
     narrow = opened_by(-10.0, tmp_path)
-    assert outline_of(narrow).wide == outline_of(narrow).scale
-    assert palm_away_m(narrow, 0.02) == pytest.approx(palm_away_m(usual, 0.02), abs=1e-3)
-    assert palm_away_m(usual, 0.05) < palm_away_m(narrow, 0.05) < palm_away_m(usual, 0.05) + 0.05
+    assert palm_away_m(narrow, 0.05) == pytest.approx(palm_away_m(usual, 0.05), abs=1e-3)

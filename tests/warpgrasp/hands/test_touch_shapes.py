@@ -9,7 +9,7 @@ import trimesh
 from scipy.spatial.transform import Rotation
 
 from sweeps.cli import main as cli
-from warpgrasp.hands.capsule_fit import capsule_of_cylinder, skin_notes
+from warpgrasp.hands.capsule_fit import capsule_of_cylinder, fit_shape, skin_notes
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_model import Box, Capsule, HandModel, Shape, vector_of
@@ -161,3 +161,22 @@ def test_what_a_skin_is_off_and_its_slits_are_said(tmp_path: Path,
     file.write_text(hand_text(hand_named("leap")))
     assert cli.run(["hand", str(file), "-o", str(file)]) == 0
     assert "a slit of 16.0 mm, the widest" in capsys.readouterr().err
+
+
+def test_a_bulky_mesh_is_a_box_where_that_is_nearer() -> None:
+    """A palm of 80 x 90 x 110 mm was a ball 18 mm off; of a barrel, or of what is small, the
+    capsule is as near."""
+    turn = trimesh.transformations.rotation_matrix(0.7, [1.0, 2.0, 0.5], [0.0, 0.0, 0.0])
+    turn[:3, 3] = [0.01, -0.02, 0.03]
+    block = trimesh.creation.box((0.08, 0.09, 0.11), transform=turn)
+    palm = fit_shape(np.asarray(block.vertices))
+    assert isinstance(palm, Box)
+    assert sorted(palm.size) == pytest.approx([0.08, 0.09, 0.11], abs=1e-6)
+    assert palm.fit_error_m == 0.0
+    small = fit_shape(np.asarray(block.vertices) / 5.0)
+    assert isinstance(small, Capsule)
+    barrel = trimesh.creation.capsule(height=0.03, radius=0.04)
+    assert isinstance(fit_shape(np.asarray(barrel.vertices)), Capsule)
+    # Rounded: as near to either, which stays a capsule.
+    sphere = trimesh.creation.icosphere(subdivisions=3, radius=0.06)
+    assert isinstance(fit_shape(np.asarray(sphere.vertices) * [1.0, 1.2, 1.3]), Capsule)
