@@ -3,5 +3,5 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "output": ["devices", "init_warp", "is_quiet", "quiet_stdout", "set_quiet", "write_atomic"],
+    "output": ["devices", "init_warp", "is_quiet", "quiet_stdout", "quietly", "write_atomic"],
 })

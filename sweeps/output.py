@@ -17,9 +17,15 @@ NO_DRIVER = b"Could not find or load the NVIDIA CUDA driver"
 ASKED = "WARPGRASP_QUIET"
 
 
-def set_quiet() -> None:
+@contextmanager
+def quietly() -> Iterator[None]:
     """Suppress progress and notes on stderr in this process and its workers; errors remain."""
+    before = os.environ.get(ASKED, "")
     os.environ[ASKED] = "1"
+    try:
+        yield
+    finally:
+        os.environ[ASKED] = before
 
 
 def is_quiet() -> bool:

@@ -57,10 +57,10 @@ def main(arguments: list[str] | None = None) -> None:
 def run(arguments: list[str]) -> int:
     """Runs a command; the exit code comes back, user errors are one message on stderr."""
     if "--quiet" in arguments:
-        from sweeps.output import set_quiet
+        from sweeps.output import quietly
 
-        set_quiet()
-        arguments = [argument for argument in arguments if argument != "--quiet"]
+        with quietly():
+            return run([argument for argument in arguments if argument != "--quiet"])
     if "" in arguments:
         return _refuse("warpgrasp: an argument is empty; leave it out or give it a value")
     try:

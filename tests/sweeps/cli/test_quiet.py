@@ -116,3 +116,17 @@ def test_all_that_is_said_passes_one_place() -> None:
     found = [path.relative_to(ROOT) for path in (ROOT / "sweeps").rglob("*.py")
              if re.search(r"print\([^#]*?file=sys\.stderr|sys\.stderr\.write", path.read_text())]
     assert found == [Path("sweeps/output.py")]
+
+
+def test_the_next_command_in_a_process_is_not_quiet(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Where tests, notebooks or scripts call one after the other."""
+    points = tmp_path / "points.csv"
+    points.write_text(POINTS + GAP)
+    said = []
+    for options in (["--quiet"], []):
+        cli.run(["fit", "plane", str(points), "-o", str(tmp_path / f"{len(said)}.csv"), *options])
+        said.append(capsys.readouterr().err)
+    assert said[0] == ""
+    assert "missing" in said[1]

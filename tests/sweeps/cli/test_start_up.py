@@ -105,7 +105,8 @@ def test_explore_compiles_at_once_the_programs_of_its_fits(
              "WARPGRASP_CACHE": str(tmp_path)})
     ahead, later = map(int, done.stdout.split())
     assert ahead > 0
-    assert later == 0
+    # A free form's values are a program for its number of touches, which takes 0.2 s.
+    assert later <= (word == "chosen")
 
 
 def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPatch) -> None:
