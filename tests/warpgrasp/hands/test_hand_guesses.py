@@ -5,9 +5,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_file import hand_from_file
-from warpgrasp.hands.hand_frames import finger_tips, link_frames, matrix_of, posture_angles
+from warpgrasp.hands.hand_frames import (
+    finger_tips,
+    link_frames,
+    matrix_of,
+    place_of,
+    posture_angles,
+)
 from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, farthest_point, with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
@@ -216,3 +223,34 @@ def test_a_thumb_beside_the_fingers_makes_no_gripper() -> None:
     across = with_thumb(0.06)
     assert matrix_of(across.grasp_frame)[:3, 2] == pytest.approx([0.0, 0.0, 1.0], abs=1e-6)
     assert not any(angles(across, "open").values())
+
+
+@pytest.mark.parametrize("places", [(0.0,), (-0.02, 0.02)])
+def test_fingers_side_by_side_without_a_thumb_face_the_object_too(
+    places: tuple[float, ...]
+) -> None:
+    """They close towards it, not beside it."""
+    fingers = [finger(f"f{n}", 0.0, (ACROSS,) * 2, ((-0.1, 1.5),) * 2)
+               for n in range(len(places))]
+    model = guessed(*(replace(one, joints=(
+        replace(one.joints[0], place=(0.0, y, *one.joints[0].place[2:])), *one.joints[1:]))
+        for one, y in zip(fingers, places, strict=True)))
+    assert matrix_of(model.grasp_frame)[:3, 2] == pytest.approx([1.0, 0.0, 0.0], abs=5e-3)
+
+
+@pytest.mark.parametrize("ways", [(1, -1), (1, 1, -1), (1, -1, 1, -1, 1)])
+@pytest.mark.parametrize("seed", range(3))
+def test_guesses_turn_with_the_palm(ways: tuple[float, ...], seed: int) -> None:
+    """The frame of its link is its maker's choice."""
+    plain = gripper(ways, ((-0.2, 1.0), (-1.2, 1.2), (0.0, 1.0)))
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.random(random_state=seed).as_matrix()
+    turn[:3, 3] = [0.1, -0.2, 0.3]
+    turned = guessed(*(replace(one, joints=(
+        replace(one.joints[0], place=place_of(turn @ matrix_of(one.joints[0].place))),
+        *one.joints[1:])) for one in plain.fingers))
+    np.testing.assert_allclose(matrix_of(turned.grasp_frame), turn @ matrix_of(plain.grasp_frame),
+                               atol=1e-9)
+    assert turned.thumb == plain.thumb
+    for posture in ("open", "closed"):
+        assert angles(turned, posture) == pytest.approx(angles(plain, posture))
