@@ -70,13 +70,14 @@ def with_guesses(model: HandModel) -> HandModel:
     model = replace(model, thumb=guessed_thumb(_closing(model, bending)))
     turned = _against_fingers(model, bending)
     rest = _closing(model, bending, turned)
-    before = _closing(model, bending, turned, _bent(model, bending))
-    about = _closing(model, bending, turned, _wide(bending))
+    gripper = _is_gripper(rest)
     found = []
-    if not _is_gripper(rest) and _go_one_way(rest) and _even_axis(rest) is None:
-        found.append(replace(before, grasp_frame=_frame_before_palm(before)))
+    if not gripper and _go_one_way(rest) and _even_axis(rest) is None:
+        facing = _closing(model, bending, turned, _bent(model, bending))
+        found.append(replace(facing, grasp_frame=_frame_before_palm(facing)))
     if not found or _is_opposed(rest):
-        found.append(replace(about, grasp_frame=_frame_between(about, _is_gripper(rest))))
+        about = _closing(model, bending, turned, _wide(bending))
+        found.append(replace(about, grasp_frame=_frame_between(about, gripper)))
     return max(found, key=_opening_m)
 
 
@@ -237,11 +238,11 @@ def _part_way(joint: HandJoint, end_rad: float, share: float) -> float:
 
 def guessed_thumb(model: HandModel) -> str:
     """The finger of that name, or the one whose tip goes most against the others': first, of a hand
-    whose fingers begin to close against each other, or else until it has closed. None of fewer than
-    three."""
+    whose fingers begin to close against each other, or else until it has closed. One finger is no
+    thumb, and of two only the one of that name."""
     names = [finger.name for finger in model.fingers]
     if "thumb" in names or len(names) < 3:
-        return "thumb" if "thumb" in names else ""
+        return "thumb" if "thumb" in names and len(names) > 1 else ""
     if _is_gripper(model):
         way = _first_ways(model, _open(model))
     else:

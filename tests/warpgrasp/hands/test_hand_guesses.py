@@ -254,3 +254,9 @@ def test_guesses_turn_with_the_palm(ways: tuple[float, ...], seed: int) -> None:
     assert turned.thumb == plain.thumb
     for posture in ("open", "closed"):
         assert angles(turned, posture) == pytest.approx(angles(plain, posture))
+
+
+def test_a_single_finger_is_no_thumb_whatever_its_name() -> None:
+    model = guessed(finger("thumb", 0.0, (ACROSS,) * 2, ((-0.1, 1.5),) * 2))
+    assert model.thumb == ""
+    assert matrix_of(model.grasp_frame)[:3, 2] == pytest.approx([1.0, 0.0, 0.0], abs=5e-3)
