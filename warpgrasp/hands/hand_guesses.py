@@ -29,7 +29,7 @@ FLEXES = 1.25
 PARALLEL = 0.8
 """Cosine between the axes of a joint and of its finger's last one from which on it bends the
 finger; others spread it, or turn a thumb [est]."""
-OPEN, CLOSED, CURLED = 0.2, 0.8, 0.5
+OPEN, CLOSED, CURLED = 0.1, 1.0, 0.5
 """How far a finger's first bending joint is turned in the open hand and in the closed one, and the
 others in the closed one: shares of the way from its rest to its limit [est]."""
 OPENED_RAD = 0.7

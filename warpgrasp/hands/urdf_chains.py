@@ -2,7 +2,10 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_checks import NEAR
 from warpgrasp.hands.hand_model import UNITS_OF_FILES, Follow, HandError
@@ -12,6 +15,12 @@ _MOST_OFFSET_RAD = 6.3
 """Of a joint from the one that it follows."""
 _LEAST_RAD = 1e-6
 """Between a joint's limits, where one that leads it does not turn it."""
+_PIN_M = 2e-4
+"""Two links turn about a pin where they share a point to within this on all of their way [est]."""
+_WAY_M = 5e-3
+"""A pin goes farther than this; what stands still is an axis that both turn about [est]."""
+_PLACES = 7
+"""On that way, at which the two are compared."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +33,8 @@ class Chains:
     """Where they are not the file's, so that joints and those that follow them agree."""
     held_rad: Mapping[str, float]
     follows: Mapping[str, Follow]
+    bars: frozenset[str]
+    """Joints that move a bar of a linkage, which is left out with all on it."""
     notes: tuple[str, ...]
 
 
@@ -31,7 +42,8 @@ def finger_chains(
     tree: UrdfTree, palm: str, tips: Sequence[str], held_rad: Mapping[str, float]
 ) -> Chains:
     """A finger is a chain from the palm to a link of `tips`, or, without, to a joint that moves no
-    other. Joints that move several fingers, as a wrist's, are held, and so are all others.
+    other. Joints that move several fingers, as a wrist's, are held, and so are all others. A URDF
+    cannot close a loop: a bar that ends at a pin on a finger is none itself, and is left out.
 
     Raises HandError where there is no finger, where a joint follows one that there is not, and
     where one beyond the palm neither turns nor is fixed.
@@ -46,16 +58,24 @@ def finger_chains(
                             f"beyond link {palm}, should be revolute, continuous or fixed")
     moving = {link: [joint for joint in path if joint.turns and joint.name not in held]
               for link, path in paths.items()}
+    known = {joint.name: joint for joint in tree.joint_to.values()}
     inner = {joint.name for path in moving.values() for joint in path[:-1]}
-    ends = {path[-1].name: path for link, path in moving.items()
-            if path and (link in tips if tips else path[-1].name not in inner)}
+    leaves = [path for path in moving.values() if path and path[-1].name not in inner]
+    pinned = _pinned(tree, known, leaves, paths)
+    bars = frozenset(name for name in pinned if name not in
+                     [joint.name for tip in tips for joint in moving.get(tip, [])])
+    ends = {path[-1].name: path for link, path in moving.items() if path
+            and (link in tips if tips else path[-1].name not in inner | bars)}
+    notes += [f"joint {name} moves a bar of a linkage, which ends at a pin on what joint "
+              f"{pinned[name]} moves: it is left out" for name in sorted(bars)]
     if not ends:
         named = " leads to a tip that is named" if tips else ""
         raise HandError(f"{tree.file}: no moving joint beyond link {palm}{named}; a hand should "
                         "have a finger")
     count = [joint.name for path in ends.values() for joint in path]
-    all_moving = {joint.name: joint for path in moving.values() for joint in path}
-    known = {joint.name: joint for joint in tree.joint_to.values()}
+    all_moving = {joint.name: joint for path in moving.values() for joint in path
+                  if joint.name not in bars}
+    known = _driven_anew(tree, known, count, bars)
 
     def stands(name: str) -> float:
         """Where a joint is held, or else its angle nearest to zero [rad]."""
@@ -78,12 +98,92 @@ def finger_chains(
                          f"{_degrees(held[name])} deg")
             del follows[name]
     limits, said = _narrowed(known, follows)
+    limits = {name: (known[name].low_rad, known[name].high_rad) for name in count
+              if known[name] is not tree.joint_to[known[name].child]} | limits
     fingers = [tuple(joint for joint in path if joint.name not in held) for path in ends.values()]
     if not any(fingers):
         raise HandError(f"{tree.file}: every joint beyond link {palm} is held; a hand should have "
                         "a finger that moves")
-    return Chains(tuple(finger for finger in fingers if finger), limits, held, follows,
+    return Chains(tuple(finger for finger in fingers if finger), limits, held, follows, bars,
                   (*notes, *said))
+
+
+def _pinned(
+    tree: UrdfTree, known: Mapping[str, UrdfJoint], leaves: Sequence[Sequence[UrdfJoint]],
+    paths: Mapping[str, Sequence[UrdfJoint]],
+) -> dict[str, str]:
+    """Joints that move bars, each with the joint of a longer chain on which its bar ends: one drive
+    moves both, so that a point of the bar's last link stands still in the other's link."""
+    found: dict[str, str] = {}
+    for bar in leaves:
+        drives = {_followed(tree, known, joint, {}).joint for joint in bar}
+        for chain in leaves:
+            if len(drives) != 1 or len(chain) <= len(bar) or {
+                    joint.name for joint in bar} & {joint.name for joint in chain}:
+                continue
+            drive = known[next(iter(drives))]
+            turns = np.linspace(drive.low_rad, drive.high_rad, _PLACES)
+            own = _frames(tree, known, paths[bar[-1].child], turns)
+            for n, joint in enumerate(chain):
+                if _followed(tree, known, joint, {}).joint != drive.name:
+                    break
+                if n and _share_a_pin(own, _frames(tree, known, paths[joint.child], turns)):
+                    found |= {moved.name: joint.name for moved in bar}
+                    break
+    return found
+
+
+def _frames(tree: UrdfTree, known: Mapping[str, UrdfJoint], path: Sequence[UrdfJoint],
+            drive_rad: np.ndarray) -> np.ndarray:
+    """Of the link at the end of a path, (turn, 4, 4), in the palm's frame."""
+    frames = np.tile(np.eye(4), (len(drive_rad), 1, 1))
+    for joint in path:
+        turn = np.tile(np.eye(4), (len(drive_rad), 1, 1))
+        if joint.turns:
+            follow = _followed(tree, known, joint, {})
+            angle = follow.factor * drive_rad + follow.offset_rad
+            turn[:, :3, :3] = Rotation.from_rotvec(np.outer(angle, joint.axis)).as_matrix()
+        frames = frames @ joint.origin @ turn
+    return frames
+
+
+def _share_a_pin(one: np.ndarray, two: np.ndarray) -> bool:
+    """Whether a point stands still in two links, (turn, 4, 4) each, while it moves itself."""
+    between = np.linalg.inv(two) @ one
+    to, at = between[:, :3, :3], between[:, :3, 3]
+    both = np.concatenate([to, np.tile(-np.eye(3), (len(to), 1, 1))], 2).reshape(-1, 6)
+    pin = np.linalg.lstsq(both, -at.reshape(-1))[0]
+    off = np.linalg.norm(to @ pin[:3] + at - pin[3:], axis=1).max()
+    way = one[:, :3, :3] @ pin[:3] + one[:, :3, 3]
+    return bool(off < _PIN_M and np.ptp(way, axis=0).max() > _WAY_M)
+
+
+def _driven_anew(
+    tree: UrdfTree, known: Mapping[str, UrdfJoint], count: Sequence[str], bars: frozenset[str]
+) -> dict[str, UrdfJoint]:
+    """The joints by name. Where the drive is a bar's, the first joint of a finger that follows it
+    drives in its place, within the limits of both."""
+    changed = dict(known)
+    led = {name: _followed(tree, known, joint, {}) for name, joint in known.items()
+           if joint.turns and joint.follows is not None}
+    for drive in bars - led.keys():
+        first = next((name for name in count if name in led and led[name].joint == drive
+                      and led[name].factor), None)
+        if first is None:
+            continue
+        own = led[first]
+        low, high = sorted(own.factor * end + own.offset_rad
+                           for end in (known[drive].low_rad, known[drive].high_rad))
+        within = max(low, known[first].low_rad), min(high, known[first].high_rad)
+        low, high = within if within[0] < within[1] else (low, high)
+        changed[first] = replace(known[first], follows=None, kind="revolute", low_rad=low,
+                                 high_rad=high)
+        for name, follow in led.items():
+            if follow.joint == drive and name != first:
+                factor = follow.factor / own.factor
+                changed[name] = replace(known[name], follows=(
+                    first, factor, follow.offset_rad - factor * own.offset_rad))
+    return changed
 
 
 def _narrowed(

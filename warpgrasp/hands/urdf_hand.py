@@ -149,7 +149,8 @@ def _rigid(tree: UrdfTree, link: str, chains: Chains) -> tuple[Shape, ...]:
     bodies = [(link, np.eye(4))]
     for name, frame in bodies:
         bodies += [(joint.child, frame @ _still(joint, chains)) for joint in tree.children(name)
-                   if all(joint not in chain for chain in chains.fingers)]
+                   if all(joint not in chain for chain in chains.fingers)
+                   and joint.name not in chains.bars]
     return with_capsules([shape for name, frame in bodies
                           for shape in shapes_of(tree.file, tree.links[name], frame)])
 

@@ -1,5 +1,6 @@
 """Which joints of a URDF move, which follow, which stand still and where."""
 
+import re
 from math import degrees
 from pathlib import Path
 
@@ -124,7 +125,7 @@ def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
     written = tmp_path / "hand.toml"
     written.write_text(hand_text(model))
     assert len(hand_from_file(written).joints) == 4
-    wide = hand_text(model).replace("42.97183463481", "60.0", 1)
+    wide = re.sub(r"(limits_deg = \[[^,]*, )42\.97\d*", r"\g<1>60.0", hand_text(model))
     assert wide != hand_text(model)
     written.write_text(wide)
     with pytest.raises(ValueError, match=r"joint j2: j1 leads it from 5.73 to 120 deg, but its "
@@ -188,3 +189,67 @@ def test_what_is_left_out_or_cannot_be_taken_is_said(tmp_path: Path,
             (("--tip", "other"), "tip: link other is not beyond the palm, link palm; should be")):
         assert cli.run(["hand", str(file), "-o", str(out), "--palm", "palm", *options]) == 2
         assert said in capsys.readouterr().err
+
+
+def linkage(file: Path, drive: str) -> Path:
+    """Two fingers of a gripper, each of two joints and parallel to itself, with a bar from the palm
+    to a pin on its last link; `drive` is the joint that all others follow."""
+    parts = [link("palm")]
+    for side, way in (("left", 1), ("right", -1)):
+        led = [(f"{side}_arm", way), (f"{side}_tip", -way), (f"{side}_bar", way)]
+        more = {name: "" if name == drive else
+                f'<mimic joint="{drive}" multiplier="{turn if "left" in drive else -turn}"/>'
+                for name, turn in led}
+        limit = {name: LIMIT.format(-0.8 * (turn < 0), 0.8 * (turn > 0)) for name, turn in led}
+        parts += [
+            *(link(f"{side}_{name}_link") for name in ("arm", "tip", "bar", "end")),
+            joint(f"{side}_arm", "palm", f"{side}_arm_link", at=f"{-0.03 * way} 0 0.02",
+                  limit=limit[f"{side}_arm"], more=more[f"{side}_arm"]),
+            joint(f"{side}_tip", f"{side}_arm_link", f"{side}_tip_link", at=f"{-0.03 * way} 0 0.05",
+                  limit=limit[f"{side}_tip"], more=more[f"{side}_tip"]),
+            joint(f"{side}_bar", "palm", f"{side}_bar_link", at=f"{-0.01 * way} 0 0.03",
+                  limit=limit[f"{side}_bar"], more=more[f"{side}_bar"]),
+            joint(f"{side}_end", f"{side}_bar_link", f"{side}_end_link", kind="fixed", limit="",
+                  at=f"{-0.03 * way} 0 0.05"),
+        ]
+    file.write_text(robot(parts))
+    return file
+
+
+@pytest.mark.parametrize("drive", ["left_arm", "left_bar"])
+@pytest.mark.parametrize("tips", [(), ("left_tip_link", "right_tip_link")])
+def test_a_bar_that_ends_at_a_pin_is_no_finger(tmp_path: Path, drive: str, tips) -> None:
+    """Whether a finger is driven or the bar, fingers go the same way."""
+    pytest.importorskip("yourdfpy")
+    model, notes = hand_from_urdf(linkage(tmp_path / "hand.urdf", drive), tips=tips)
+    assert [[j.name for j in f.joints] for f in model.fingers] == [
+        ["left_arm", "left_tip"], ["right_arm", "right_tip"]]
+    assert [joint.name for joint in model.driven] == ["left_arm"]
+    assert (model.joints[0].low_rad, model.joints[0].high_rad) == pytest.approx((0.0, 0.8))
+    assert [j.follows.factor for j in model.joints if j.follows] == pytest.approx([-1.0, -1.0, 1.0])
+    for bar, finger in (("left_bar", "left_tip"), ("right_bar", "right_tip")):
+        assert (f"joint {bar} moves a bar of a linkage, which ends at a pin on what joint {finger} "
+                "moves: it is left out") in notes
+    assert len(model.palm) == 1  # nothing of a bar stands there
+    at = finger_tips(model, np.array([[0.0], [0.5]]))  # a tip goes on the circle of its arm
+    arm = np.array([-0.03 + 0.05j, 0.03 + 0.05j]) * np.exp(-0.5j * np.array([1, -1]))
+    gone = (at[1] - at[0])[:, [0, 2]] @ [1, 1j]
+    np.testing.assert_allclose(gone, arm - np.array([-0.03 + 0.05j, 0.03 + 0.05j]), atol=1e-12)
+
+
+def test_what_misses_its_pin_is_a_finger(tmp_path: Path) -> None:
+    """A bar that turns otherwise than its finger's arm shares no point with its last link; and
+    fingers about one axis share what stands still."""
+    pytest.importorskip("yourdfpy")
+    file = linkage(tmp_path / "hand.urdf", "left_arm")
+    file.write_text(file.read_text().replace(
+        'multiplier="1"/></joint><joint name="left_end"',
+        'multiplier="0.8"/></joint><joint name="left_end"'))
+    model, notes = hand_from_urdf(file)
+    assert len(model.fingers) == 3
+    assert not any("left_bar moves a bar" in note for note in notes)
+    file.write_text(robot([
+        *map(link, ["palm", "a", "b", "c"]), joint("j1", "palm", "a"),
+        joint("j2", "a", "b", more='<mimic joint="j1"/>'),
+        joint("j3", "palm", "c", more='<mimic joint="j1" multiplier="0.5"/>')]))
+    assert len(hand_from_urdf(file)[0].fingers) == 2
