@@ -52,7 +52,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         The file to write, .toml; the picture gets the same name and .png. Of a TOML only the
         picture is written.
     palm
-        The link that fingers start from; by default the root.
+        The link that fingers start from; by default the root, or the link after an arm.
     tip
         Only chains to this link are fingers, and to others as in --tip A --tip B; by default all.
     hold

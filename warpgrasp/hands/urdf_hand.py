@@ -35,6 +35,8 @@ _TIP = r"tip(s|link|frame)?(?![a-z])"
 """In the name of a link that is a finger's tip, but not in "multiplier"."""
 FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
 """What is said where it is no guess."""
+_ARM = 4
+"""Joints in a row that carry all fingers are an arm's from so many on, not a wrist's [est]."""
 
 
 def hand_from_urdf(
@@ -43,10 +45,11 @@ def hand_from_urdf(
 ) -> tuple[HandModel, tuple[str, ...]]:
     """A hand, and what was left out or changed, a sentence each.
 
-    `palm` is the link that fingers start from, by default the root; what lies before it is left
-    out. Only chains to the links `tips` are fingers, by default all that end in a joint. Joints in
-    `held_rad` stand still at these angles. Thumb, postures and closing path are guesses, and so is
-    the frame of the grasp unless a link called `FRAME_LINK` says it. Raises HandError.
+    `palm` is the link that fingers start from, by default the root, or of a robot with an arm the
+    link that its last joint moves; what lies before it is left out. Only chains to the links `tips`
+    are fingers, by default all that end in a joint. Joints in `held_rad` stand still at these
+    angles. Thumb, postures and closing path are guesses, and so is the frame of the grasp unless a
+    link called `FRAME_LINK` says it. Raises HandError.
     """
     tree = read_urdf(file)
     for what, names in (("palm", [palm] if palm else []), ("tip", tips)):
@@ -54,7 +57,8 @@ def hand_from_urdf(
             if name not in tree.links:
                 raise HandError(f"{file}: {what}: there is no link {name!r}; should be one of "
                                 f"{', '.join(tree.links)}")
-    root = palm or tree.root
+    arm = () if palm else _arm(tree, tips, held_rad or {})
+    root = palm or (arm[-1].child if arm else tree.root)
     beyond = {joint.name for joint in tree.joint_to.values()
               if root in [before.parent for before in tree.path(joint.child)]}
     for name in tips:
@@ -88,6 +92,10 @@ def hand_from_urdf(
               if joint.turns and joint.name not in beyond | before]
     said = [f"link {root} is the palm: joints beside it are left out: {', '.join(beside)}"
             ] if beside else []
+    if arm:
+        said.append(f"joints {', '.join(joint.name for joint in arm)} carry all fingers, as an "
+                    f"arm's do: link {root} is the palm, and what lies before it is left out; "
+                    f"`--palm {tree.root}` holds them instead")
     frame = _grasp_frame(tree, root, chains)
     if frame is None and FRAME_LINK in tree.links:
         said.append(f"link {FRAME_LINK} does not stand still on the palm: the frame is a guess")
@@ -98,6 +106,21 @@ def hand_from_urdf(
     except HandError as error:
         raise HandError(f"{file}: {error}") from None
     return guessed, (*said, *chains.notes, *fits, *([] if frame is None else [FRAMED]))
+
+
+def _arm(tree: UrdfTree, tips: Sequence[str], held_rad: Mapping[str, float]
+         ) -> tuple[UrdfJoint, ...]:
+    """The moving joints before all fingers, if there are as many as an arm has; none where one is
+    to be held."""
+    moving = [[joint for joint in tree.path(link) if joint.kind != "fixed"]
+              for link in (tips or tree.links)]
+    inner = {joint.name for path in moving for joint in path[:-1]}
+    ends = {path[-1].name: path for path in moving if path and (tips or path[-1].name not in inner)}
+    if len(ends) < 2:  # a hand of one finger
+        return ()
+    arm = tuple(joints[0] for joints in zip(*ends.values(), strict=False)
+                if len({joint.name for joint in joints}) == 1)
+    return arm if len(arm) >= _ARM and not held_rad.keys() & {j.name for j in arm} else ()
 
 
 def _grasp_frame(tree: UrdfTree, root: str, chains: Chains) -> Place | None:

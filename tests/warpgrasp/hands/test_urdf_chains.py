@@ -253,3 +253,33 @@ def test_what_misses_its_pin_is_a_finger(tmp_path: Path) -> None:
         joint("j2", "a", "b", more='<mimic joint="j1"/>'),
         joint("j3", "palm", "c", more='<mimic joint="j1" multiplier="0.5"/>')]))
     assert len(hand_from_urdf(file)[0].fingers) == 2
+
+
+@pytest.mark.parametrize("carrying", [3, 4])
+def test_an_arm_that_carries_the_hand_is_left_out(tmp_path: Path, carrying: int) -> None:
+    """Three joints may be a wrist's, and are held. An arm may start with a joint that slides."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "robot.urdf"
+    links = ["base", *(f"l{n}" for n in range(carrying)), "palm", "a", "b"]
+    arm = [joint(f"arm{n}", links[n], links[n + 1],
+                 kind="prismatic" if n == 0 and carrying == 4 else "revolute")
+           for n in range(carrying)]
+    file.write_text(robot([
+        *map(link, links), *arm, joint("weld", links[carrying], "palm", kind="fixed", limit=""),
+        joint("j1", "palm", "a", at="0.02 0 0"), joint("j2", "palm", "b", at="-0.02 0 0")]))
+    model, notes = hand_from_urdf(file)
+    assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
+    said = [note for note in notes if "carry all fingers" in note]
+    if carrying == 3:
+        assert not said
+        assert len(model.palm) == 5  # base, links of the wrist, and palm
+        return
+    assert said == ["joints arm0, arm1, arm2, arm3 carry all fingers, as an arm's do: link l3 is "
+                    "the palm, and what lies before it is left out; `--palm base` holds them "
+                    "instead"]
+    assert len(model.palm) == 2
+    assert len(hand_from_urdf(file, tips=["a", "b"])[0].palm) == 2
+    with pytest.raises(ValueError, match="arm0: is prismatic"):
+        hand_from_urdf(file, palm="base")
+    with pytest.raises(ValueError, match="arm0: is prismatic"):
+        hand_from_urdf(file, held_rad={"arm2": 0.5})
