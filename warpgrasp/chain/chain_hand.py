@@ -1,8 +1,8 @@
 """Any hand on the host, as its kernels take it: the tables of its chains.
 
 The hand's frame is the model's grasp frame. A finger is moved by its drives, in order: those of its
-joints that follow no other joint of the finger. A joint that follows one of another finger counts
-as a drive, which is commanded alike; so fingers remain apart.
+joints that follow no other joint of the finger. Of joints that follow one of another finger the
+first counts as a drive, which is commanded alike, and leads the others; so fingers remain apart.
 """
 
 from dataclasses import dataclass, replace
@@ -16,7 +16,15 @@ import warp as wp
 from warpgrasp.chain.chain_kernel import CAPSULES, JOINTS, Chain, ChainCapsule, ChainJoint
 from warpgrasp.core.struct_array import record_type
 from warpgrasp.hands.hand_frames import link_frames, matrix_of, place_of, posture_angles
-from warpgrasp.hands.hand_model import Capsule, Finger, HandClosing, HandError, HandModel
+from warpgrasp.hands.hand_model import (
+    Capsule,
+    Finger,
+    Follow,
+    HandClosing,
+    HandError,
+    HandJoint,
+    HandModel,
+)
 from warpgrasp.hands.touch_shapes import Bulk, bulk_of, palmar_directions, touch_model
 from warpgrasp.mechanism.calibration import Calibration
 from warpgrasp.mechanism.utah_mit_weight import GRAVITY_M_S2
@@ -74,9 +82,7 @@ def chain_of(model: HandModel) -> ChainHand:
         if len(finger.joints) > JOINTS:
             raise HandError(f"finger {finger.name} has {len(finger.joints)} joints; should have "
                             f"{JOINTS} at most")
-        own = {joint.name for joint in finger.joints}
-        mine = tuple(j for j, joint in enumerate(finger.joints)
-                     if joint.follows is None or joint.follows.joint not in own)
+        mine = tuple(j for j, follow in enumerate(_within(finger)) if follow is None)
         drives.append(mine)
         numbers.append(tuple(known[_leader(finger, j)] for j in mine))
         found = [(_outward(c, _next_m(finger, j)), j) for j, joint in enumerate(finger.joints)
@@ -160,11 +166,32 @@ def link_frames_of(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=64)
 def _alone(model: HandModel, finger: int) -> HandModel:
-    """The hand with one finger; joints that followed another finger's follow none."""
-    own = {joint.name for joint in model.fingers[finger].joints}
-    joints = tuple(joint if joint.follows is None or joint.follows.joint in own
-                   else replace(joint, follows=None) for joint in model.fingers[finger].joints)
-    return replace(model, fingers=(replace(model.fingers[finger], joints=joints),))
+    """The hand with one finger; what followed another finger's joint stays within the finger."""
+    own = model.fingers[finger]
+    joints = tuple(replace(joint, follows=follow)
+                   for joint, follow in zip(own.joints, _within(own), strict=True))
+    return replace(model, fingers=(replace(own, joints=joints),))
+
+
+def _within(finger: Finger) -> list[Follow | None]:
+    """Which joint of its own finger each joint follows; None of a drive."""
+    own = {joint.name for joint in finger.joints}
+    found: list[Follow | None] = []
+    first: dict[str, HandJoint] = {}  # of those that follow a joint of another finger, by that one
+    for joint in finger.joints:
+        follow = joint.follows
+        if follow is not None and follow.joint not in own:
+            lead = first.get(follow.joint)
+            if lead is None or lead.follows is None:
+                if follow.factor:
+                    first[follow.joint] = joint
+                follow = None
+            else:
+                factor = follow.factor / lead.follows.factor
+                follow = Follow(lead.name, factor,
+                                follow.offset_rad - factor * lead.follows.offset_rad)
+        found.append(follow)
+    return found
 
 
 def chain_rows(
@@ -273,7 +300,7 @@ def joint_drive(hand: ChainHand, finger: int, joint: int) -> tuple[int, float, f
     """The drive of a joint, its factor and its shift [rad]."""
     if joint in hand.drives[finger]:
         return hand.drives[finger].index(joint), 1.0, 0.0
-    follows = hand.model.fingers[finger].joints[joint].follows
+    follows = _within(hand.model.fingers[finger])[joint]
     assert follows is not None
     names = [hand.model.fingers[finger].joints[j].name for j in hand.drives[finger]]
     return names.index(follows.joint), follows.factor, follows.offset_rad

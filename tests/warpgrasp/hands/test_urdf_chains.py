@@ -10,8 +10,15 @@ from chains import random_angles
 from urdf_parts import joint, link, robot
 
 from sweeps.cli import main as cli
+from warpgrasp.chain.chain_hand import chain_of, drive_angles, joint_drive, link_frames_of
 from warpgrasp.hands.hand_file import hand_from_file
-from warpgrasp.hands.hand_frames import driven_angles, finger_tips, posture_angles
+from warpgrasp.hands.hand_frames import (
+    driven_angles,
+    finger_tips,
+    link_frames,
+    matrix_of,
+    posture_angles,
+)
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
 
@@ -235,6 +242,27 @@ def test_a_bar_that_ends_at_a_pin_is_no_finger(tmp_path: Path, drive: str, tips)
     arm = np.array([-0.03 + 0.05j, 0.03 + 0.05j]) * np.exp(-0.5j * np.array([1, -1]))
     gone = (at[1] - at[0])[:, [0, 2]] @ [1, 1j]
     np.testing.assert_allclose(gone, arm - np.array([-0.03 + 0.05j, 0.03 + 0.05j]), atol=1e-12)
+
+
+def test_joints_led_by_another_finger_have_one_drive(tmp_path: Path) -> None:
+    """The right finger of a gripper, whose joints all follow one of the left, is no hand of its
+    own: its second joint turns with its first one, by the ratio of their factors."""
+    pytest.importorskip("yourdfpy")
+    file = linkage(tmp_path / "hand.urdf", "left_arm")
+    file.write_text(re.sub(r'(joint name="right_tip".*?multiplier=")1"/>',
+                           r'\g<1>-0.5" offset="0.1"/>', file.read_text()))
+    model, _ = hand_from_urdf(file, tips=["left_tip_link", "right_tip_link"])
+    led = [j.follows for j in model.fingers[1].joints]
+    assert [(f.joint, f.factor, f.offset_rad) for f in led] == [
+        ("left_arm", -1.0, 0.0), ("left_arm", -0.5, 0.1)]
+    hand = chain_of(model)
+    assert hand.drives == ((0,), (0,))
+    assert joint_drive(hand, 1, 1) == pytest.approx((0, 0.5, 0.1))
+    q = random_angles(model, 4)
+    inverse = np.linalg.inv(matrix_of(model.grasp_frame))
+    for f, frames in enumerate(link_frames(model, q)):
+        np.testing.assert_allclose(link_frames_of(hand, f, drive_angles(hand, q)[:, f]),
+                                   inverse @ frames, atol=1e-12)
 
 
 def test_what_misses_its_pin_is_a_finger(tmp_path: Path) -> None:
