@@ -3,7 +3,9 @@
 
 As `closing.contact_estimate_kernel`, capsule by capsule: the torques of the drives are explained by
 a force at a place of a capsule's palmar half, or of its round end where it ends the finger. A
-switch tells no more than that its link touched: all places of that link are then alike.
+switch tells no more than that its link touched: all places of that link are then alike. The one
+torque of a finger with one drive tells no place from another: a place is as likely as what it
+sweeps is large.
 """
 
 import warp as wp
@@ -65,7 +67,8 @@ balls_type = wp.types.matrix(shape=(2 * CAPSULES, 3), dtype=real)
 
 @struct
 class _Posterior:
-    """Weighted sums over places; a weight is an area times exp((gain - largest gain) / 2)."""
+    """Weighted sums over places; a weight is an area times exp((gain - largest gain) / 2), and of
+    fingers with one drive times what the place sweeps."""
 
     most: real
     """The largest gain of all places."""
@@ -114,6 +117,13 @@ def _turns(hand: Chain, pose: ChainPose, joint: int, x: vec3, d: vec3, felt: _Fe
 
 
 @wp.func
+def _swept(hand: Chain, by_out: vec6):
+    """How fast a place goes outwards as the finger's only drive turns, in any unit: of bodies that
+    may stand anywhere it meets as many as that. 1 for fingers whose torques tell places apart."""
+    return wp.where(hand.drives == 1, wp.abs(by_out[0]), ONE)
+
+
+@wp.func
 def _with_side(
     post: _Posterior, hand: Chain, pose: ChainPose, joint: int, a: vec3, u: vec3, length: real,
     radius: real, out: vec3, felt: _Felt
@@ -151,7 +161,8 @@ def _with_side(
                 g = force_gain_at(square, product, share, _NO_ARM)
                 best = wp.max(best, g)
                 if g >= post.most - _DEEPEST:
-                    sums += vec3(ONE, share, share * share) * wp.exp((g - post.most) * HALF)
+                    sums += vec3(ONE, share, share * share) * (
+                        wp.exp((g - post.most) * HALF) * _swept(hand, by_out + rise_out * share))
             area = PI * radius / _AROUND_REAL * length * _STEP
             sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
             post = _gathered(post, a + out * radius, u, out, sums, joint, best)
@@ -184,7 +195,7 @@ def _with_cap(
                 post.most = wp.max(post.most, g)
                 post.placed = wp.max(post.placed, g)
             elif g >= post.most - _DEEPEST:
-                weight = cell * wp.exp((g - post.most) * HALF)
+                weight = cell * wp.exp((g - post.most) * HALF) * _swept(hand, by_out)
                 post = _gathered(post, end + tip_out * radius, u, tip_out,
                                  vec3(weight, ZERO, ZERO), joint, g)
     return post
@@ -337,5 +348,10 @@ def chain_estimate_kernel(
     point[w, p, g, finger] = wp.transform_point(to_world, mean)
     covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
     normal[w, p, g, finger] = wp.normalize(wp.transform_vector(to_world, post.normal))
-    link_out[w, p, g, finger] = post.link
+    concluded = post.link
+    if hand.drives == 1:  # every place that pushes explains one torque
+        for j in range(hand.joint_count):
+            if post.link_weight[j] > post.link_weight[concluded]:
+                concluded = j
+    link_out[w, p, g, finger] = concluded
     link_weight[w, p, g, finger] = post.link_weight / post.weight

@@ -2,7 +2,9 @@
 
 All places of a finger's skin that may touch are alike by their area, and so are all directions of a
 force there that lean from the normal by friction. A place weighs its area times the likelihood of
-the torques at the best size of its force. The places are the midpoints of the kernels' grid.
+the torques at the best size of its force. Of a finger with one drive, which tells no place from
+another, a place also weighs what it sweeps: it meets as many of the bodies that may stand anywhere.
+The places are the midpoints of the kernels' grid.
 """
 
 from collections.abc import Callable, Sequence
@@ -72,7 +74,8 @@ def posterior(
         gains.append(push**2 / np.maximum((by**2).sum(-1), least))
         places.append(skin_m)
         ways.append(out)
-        weights.append(area)
+        swept = np.einsum("pjk,pk->pj", skin.lever(skin_m), out)
+        weights.append(area * np.abs(swept[:, 0]) if len(torque) == 1 else area)
         numbers.append(np.full(len(out), skin.link))
 
     for skin in skins:

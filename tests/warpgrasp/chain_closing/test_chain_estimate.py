@@ -19,7 +19,7 @@ from warpgrasp.chain_closing.chain_estimate import (
 from warpgrasp.closing.closing import ClosingTruth
 from warpgrasp.closing.contact_estimate_kernel import ALONG
 from warpgrasp.hands.hand_frames import matrix_of
-from warpgrasp.hands.hand_model import HandModel
+from warpgrasp.hands.hand_model import Finger, Follow, HandModel
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ErrorTable, SensorTable
@@ -86,16 +86,33 @@ def test_a_hand_of_one_joint_a_finger_has_no_links_between_joints() -> None:
     assert longest_link_m(chain_of(model)) > 0.0
 
 
-@pytest.mark.parametrize("kind", ["allegro", "barrett"])
+def with_one_drive(model: HandModel) -> HandModel:
+    """The hand with fingers whose last joint turns with the one before it: one drive of a finger of
+    two joints."""
+    def coupled(finger: Finger) -> Finger:
+        *others, leader, last = finger.joints
+        return replace(finger, joints=(*others, leader, replace(
+            last, follows=Follow(leader.name, 0.4, 0.0))))
+
+    return replace(model, fingers=tuple(map(coupled, model.fingers)))
+
+
+@pytest.mark.parametrize("kind", ["allegro", "barrett", "one drive"])
 @pytest.mark.parametrize("friction", [0.0, 0.5])
 def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, friction: float
                                                                   ) -> None:
     """Written out in NumPy, of fingers that stopped anywhere, one with a drive at its stop."""
-    hand, sensors, errors = chain_of(hand_of_kind(kind)), SensorTable(), ErrorTable()
+    single = kind == "one drive"
+    hand = chain_of(with_one_drive(hand_of_kind("barrett")) if single else hand_of_kind(kind))
+    sensors, errors = SensorTable(), ErrorTable()
     contact = replace(ALONE, friction=friction)
     commands = chain_commands(hand, "curl40")
     felt, truth = close(hand, "small_cylinder", POSES[:12], commands, QUIET)
-    stopped = np.argwhere((felt.status == 1) & (truth.link >= 0) & (felt.step > 5))[:5]
+    stopped = np.argwhere((felt.status == 1) & (truth.link >= 0) & (felt.step > 5))
+    if single:
+        stopped = np.array([i for i in stopped if len(hand.drives[i[3]]) == 1])
+    stopped = stopped[:5]
+    assert len(stopped) >= 3
     first = tuple(stopped[0])
     held = hand.model.fingers[first[3]].joints[hand.drives[first[3]][-1]]
     felt.q_rad[(*first, len(hand.drives[first[3]]) - 1)] = held.high_rad
@@ -137,6 +154,8 @@ def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, fri
                                    atol=1e-8)
         np.testing.assert_allclose(found.normal[i], told.normal, atol=1e-4)
         np.testing.assert_allclose(found.link_weight[i], told.link_weight, atol=1e-4)
+        if single:
+            assert found.link[i] == np.argmax(told.link_weight)
 
 
 @pytest.mark.parametrize("kind", ["allegro", "leap", "barrett"])
