@@ -61,7 +61,7 @@ def finger_chains(
     known = {joint.name: joint for joint in tree.joint_to.values()}
     inner = {joint.name for path in moving.values() for joint in path[:-1]}
     leaves = [path for path in moving.values() if path and path[-1].name not in inner]
-    pinned = _pinned(tree, known, leaves, paths)
+    pinned = _pinned(tree, known, held, leaves, paths)
     bars = frozenset(name for name in pinned if name not in
                      [joint.name for tip in tips for joint in moving.get(tip, [])])
     ends = {path[-1].name: path for link, path in moving.items() if path
@@ -109,39 +109,43 @@ def finger_chains(
 
 
 def _pinned(
-    tree: UrdfTree, known: Mapping[str, UrdfJoint], leaves: Sequence[Sequence[UrdfJoint]],
-    paths: Mapping[str, Sequence[UrdfJoint]],
+    tree: UrdfTree, known: Mapping[str, UrdfJoint], held_rad: Mapping[str, float],
+    leaves: Sequence[Sequence[UrdfJoint]], paths: Mapping[str, Sequence[UrdfJoint]],
 ) -> dict[str, str]:
     """Joints that move bars, each with the joint of a longer chain on which its bar ends: one drive
     moves both, so that a point of the bar's last link stands still in the other's link."""
     found: dict[str, str] = {}
     for bar in leaves:
-        drives = {_followed(tree, known, joint, {}).joint for joint in bar}
+        drives = {_followed(tree, known, joint, held_rad).joint for joint in bar}
         for chain in leaves:
             if len(drives) != 1 or len(chain) <= len(bar) or {
                     joint.name for joint in bar} & {joint.name for joint in chain}:
                 continue
             drive = known[next(iter(drives))]
             turns = np.linspace(drive.low_rad, drive.high_rad, _PLACES)
-            own = _frames(tree, known, paths[bar[-1].child], turns)
+            own = _frames(tree, known, held_rad, paths[bar[-1].child], turns)
             for n, joint in enumerate(chain):
-                if _followed(tree, known, joint, {}).joint != drive.name:
+                if _followed(tree, known, joint, held_rad).joint != drive.name:
                     break
-                if n and _share_a_pin(own, _frames(tree, known, paths[joint.child], turns)):
+                if n and _share_a_pin(own, _frames(tree, known, held_rad, paths[joint.child],
+                                                   turns)):
                     found |= {moved.name: joint.name for moved in bar}
                     break
     return found
 
 
-def _frames(tree: UrdfTree, known: Mapping[str, UrdfJoint], path: Sequence[UrdfJoint],
-            drive_rad: np.ndarray) -> np.ndarray:
+def _frames(tree: UrdfTree, known: Mapping[str, UrdfJoint], held_rad: Mapping[str, float],
+            path: Sequence[UrdfJoint], drive_rad: np.ndarray) -> np.ndarray:
     """Of the link at the end of a path, (turn, 4, 4), in the palm's frame."""
     frames = np.tile(np.eye(4), (len(drive_rad), 1, 1))
     for joint in path:
         turn = np.tile(np.eye(4), (len(drive_rad), 1, 1))
         if joint.turns:
-            follow = _followed(tree, known, joint, {})
-            angle = follow.factor * drive_rad + follow.offset_rad
+            if joint.name in held_rad:
+                angle = np.full(len(drive_rad), held_rad[joint.name])
+            else:
+                follow = _followed(tree, known, joint, held_rad)
+                angle = follow.factor * drive_rad + follow.offset_rad
             turn[:, :3, :3] = Rotation.from_rotvec(np.outer(angle, joint.axis)).as_matrix()
         frames = frames @ joint.origin @ turn
     return frames
@@ -164,11 +168,10 @@ def _driven_anew(
     """The joints by name. Where the drive is a bar's, the first joint of a finger that follows it
     drives in its place, within the limits of both."""
     changed = dict(known)
-    led = {name: _followed(tree, known, joint, {}) for name, joint in known.items()
-           if joint.turns and joint.follows is not None}
-    for drive in bars - led.keys():
-        first = next((name for name in count if name in led and led[name].joint == drive
-                      and led[name].factor), None)
+    led = {name: _followed(tree, known, known[name], {}) for name in count
+           if bars and known[name].follows is not None}
+    for drive in sorted(name for name in bars if known[name].follows is None):
+        first = next((name for name in led if led[name].joint == drive and led[name].factor), None)
         if first is None:
             continue
         own = led[first]

@@ -244,6 +244,17 @@ def test_a_bar_that_ends_at_a_pin_is_no_finger(tmp_path: Path, drive: str, tips)
     np.testing.assert_allclose(gone, arm - np.array([-0.03 + 0.05j, 0.03 + 0.05j]), atol=1e-12)
 
 
+def test_what_lies_before_the_palm_is_not_asked_what_it_follows(tmp_path: Path) -> None:
+    """A lift, and a wheel that turns with it, before a gripper that is a linkage."""
+    pytest.importorskip("yourdfpy")
+    file = linkage(tmp_path / "hand.urdf", "left_bar")
+    lift = [link("base"), link("mast"), joint("lift", "base", "mast", kind="prismatic"),
+            joint("wheel", "mast", "palm", more='<mimic joint="lift"/>')]
+    file.write_text(file.read_text().replace("</robot>", "".join(lift) + "</robot>"))
+    model, _ = hand_from_urdf(file, palm="palm")
+    assert [joint.name for joint in model.driven] == ["left_arm"]
+
+
 def test_joints_led_by_another_finger_have_one_drive(tmp_path: Path) -> None:
     """The right finger of a gripper, whose joints all follow one of the left, is no hand of its
     own: its second joint turns with its first one, by the ratio of their factors."""
