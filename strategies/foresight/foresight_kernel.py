@@ -5,7 +5,9 @@ A hand is capsules: of its fingers' links at every command, of its palm, and of 
 (`SweptLink`). Free motion alone: a finger follows its commands until a link touches body or table,
 and rests there. Steps are skipped while a bound of the distance exceeds what the link can have
 moved (conservative advancement), from coarse to fine: the box around the body first, whose distance
-costs no powers, then places along the link against the body itself.
+costs no powers, then places along the link against the body itself. What is nearest also tells a
+plane between link and body. Straight superquadrics are convex: the plane parts the two until the
+link has come to it, and only there the body is asked again.
 """
 
 import warp as wp
@@ -19,6 +21,7 @@ from strategies.foresight.capsule_lanes import (
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
+    TINY,
     ZERO,
     greater,
     lesser,
@@ -28,7 +31,9 @@ from warpgrasp.core.dtypes import (
     vec2,
     vec3,
     vec4,
+    vec5,
 )
+from warpgrasp.geometry.sdf_primitive import sign_of
 from warpgrasp.geometry.sdf_superquadric import (
     SuperquadricShape,
     sdf_superquadric_bound_grad,
@@ -61,29 +66,61 @@ class SweptLink:
 
 
 @wp.func
-def _box_distance(p: vec3, s: SuperquadricShape):
-    """Distance to the box around a tapered body, negative within; no bound of a bent one."""
-    x = wp.abs(p[0]) - s.size[0] * (ONE + wp.abs(s.kx))
-    y = wp.abs(p[1]) - s.size[1] * (ONE + wp.abs(s.ky))
-    z = wp.abs(p[2]) - s.size[2]
-    if s.bend > _STRAIGHT:
-        return -_FAR
-    within = lesser(greater(x, greater(y, z)), ZERO)
-    return within + wp.length(vec3(greater(x, ZERO), greater(y, ZERO), greater(z, ZERO)))
+def _past_box(p: vec3, s: SuperquadricShape):
+    """How far past each pair of faces of the box around a tapered body."""
+    return vec3(wp.abs(p[0]) - s.size[0] * (ONE + wp.abs(s.kx)),
+                wp.abs(p[1]) - s.size[1] * (ONE + wp.abs(s.ky)), wp.abs(p[2]) - s.size[2])
 
 
 @wp.func
-def _foot(p: vec3, s: SuperquadricShape):
-    """The place of the body's surface that a place outside it leads to, and how far that is: as
-    far as the formula says along its gradient, which falls short, and from there once more."""
-    grad = sdf_superquadric_bound_grad(p, s)
-    n = vec3(grad[0], grad[1], grad[2])
-    if grad[3] <= ZERO:
-        foot = p - n * grad[3]
-        return vec4(foot[0], foot[1], foot[2], grad[3])
-    half_way = p - n * grad[3]
-    rest = sdf_superquadric_bound_grad(half_way, s)
-    foot = half_way - vec3(rest[0], rest[1], rest[2]) * rest[3]
+def _box_distance(p: vec3, s: SuperquadricShape):
+    """Distance to the box around a tapered body, negative within; no bound of a bent one."""
+    past = _past_box(p, s)
+    if s.bend > _STRAIGHT:
+        return -_FAR
+    within = lesser(greater(past[0], greater(past[1], past[2])), ZERO)
+    return within + wp.length(vec3(greater(past[0], ZERO), greater(past[1], ZERO),
+                                   greater(past[2], ZERO)))
+
+
+@wp.func
+def _parted_by_box(p: vec3, s: SuperquadricShape, clear: real):
+    """The plane between a place outside the box and the box, and `clear`."""
+    past = _past_box(p, s)
+    out = vec3(greater(past[0], ZERO) * sign_of(p[0]), greater(past[1], ZERO) * sign_of(p[1]),
+               greater(past[2], ZERO) * sign_of(p[2]))
+    far = greater(wp.length(out), TINY)
+    n = out / far
+    return vec5(n[0], n[1], n[2], wp.dot(n, p) - far, clear)
+
+
+@wp.func
+def _parted(p: vec3, bound: vec4, s: SuperquadricShape, clear: real):
+    """The plane between a place and the body that the body's `bound` there tells, and `clear`.
+
+    No plane (one that nothing is above) of a bent body. One that tapers is not quite convex, and
+    its formula no bound from afar: its plane is higher by a share of the distance [est]."""
+    n = vec3(bound[0], bound[1], bound[2])
+    tapers = greater(wp.abs(s.kx), wp.abs(s.ky))
+    level = wp.dot(n, p) - bound[3] + tapers * greater(clear, ZERO)
+    if s.bend > _STRAIGHT:
+        level = _FAR
+    return vec5(n[0], n[1], n[2], level, clear)
+
+
+@wp.func
+def _half_way(p: vec3, bound: vec4):
+    """As far towards the body as the formula says."""
+    return p - vec3(bound[0], bound[1], bound[2]) * bound[3]
+
+
+@wp.func
+def _foot(p: vec3, bound: vec4, half_way: vec3, rest: vec4):
+    """The place of the body's surface that a place leads to, and how far that is: as far as the
+    formula says along its gradient, which falls short, and from there once more."""
+    if bound[3] <= ZERO:
+        return vec4(half_way[0], half_way[1], half_way[2], bound[3])
+    foot = _half_way(half_way, rest)
     return vec4(foot[0], foot[1], foot[2], wp.length(foot - p))
 
 
@@ -96,43 +133,55 @@ def _place(a: vec3, b: vec3, k: int):
 @wp.func
 def _capsule_distance(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3, radius: real,
                       enough: real):
-    """About the least distance of a capsule from the body; a bound of it above `enough`, or
-    `_COARSE`."""
+    """A plane between a capsule's axis and the body, and about the least distance of the capsule
+    from the body; a bound of it above `enough`, or `_COARSE`."""
     half = wp.length(b - a) * HALF
     far = _box_distance((a + b) * HALF, s) - half - radius
     if far > lesser(enough, _COARSE):
-        return far
+        return _parted_by_box((a + b) * HALF, s, far)
     if lanes:
         return capsule_distance_in_lanes(s, a, b, radius, enough)
     first = int(0)
     far = _FAR
     for k in range(_PLACES):
-        bound = _box_distance(_place(a, b, k), s)
-        if bound < far:
-            far = bound
+        outside = _box_distance(_place(a, b, k), s)
+        if outside < far:
+            far = outside
             first = int(k)
     far -= radius
     if far > enough:
-        return far
+        return _parted_by_box(_place(a, b, first), s, far)
     far -= half / real(_PLACES - 1)
     if far > _COARSE:
-        return far
+        return _parted_by_box(_place(a, b, first), s, far)
     # Both fall short: the greater is the better bound. The place that is nearest to the box is
     # likely the nearest to the body.
-    p = _place(a, b, first)
-    least = greater(sdf_superquadric_bound_grad(p, s)[3], _box_distance(p, s))
-    nearest = int(first)
+    nearest = _place(a, b, first)
+    bound = sdf_superquadric_bound_grad(nearest, s)
+    least = greater(bound[3], _box_distance(nearest, s))
     for k in range(_PLACES):
         p = _place(a, b, k)
         outside = _box_distance(p, s)
         if k != first and outside < least:
-            bound = greater(sdf_superquadric_bound_grad(p, s)[3], outside)
-            if bound < least:
-                least = bound
-                nearest = int(k)
+            there = sdf_superquadric_bound_grad(p, s)
+            if greater(there[3], outside) < least:
+                least = greater(there[3], outside)
+                nearest = p
+                bound = there
     if least > radius:
-        return least - radius
-    return _foot(_place(a, b, nearest), s)[3] - radius
+        if least > bound[3]:
+            return _parted_by_box(nearest, s, least - radius)
+        return _parted(nearest, bound, s, least - radius)
+    half_way = _half_way(nearest, bound)
+    rest = sdf_superquadric_bound_grad(half_way, s)
+    return _parted(half_way, rest, s, _foot(nearest, bound, half_way, rest)[3] - radius)
+
+
+@wp.func
+def _above(plane: vec5, a: vec3, b: vec3):
+    """How far a segment is above a plane."""
+    n = vec3(plane[0], plane[1], plane[2])
+    return lesser(wp.dot(n, a), wp.dot(n, b)) - plane[3]
 
 
 @wp.func
@@ -160,6 +209,15 @@ def _nearest_share(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3):
 
 
 @wp.func
+def _in_frame_of(from_there: transform, plane: vec5):
+    """A plane as it is in the frame that `from_there` leads from."""
+    n = vec3(plane[0], plane[1], plane[2])
+    there = wp.quat_rotate_inv(wp.transform_get_rotation(from_there), n)
+    return vec5(there[0], there[1], there[2],
+                plane[3] - wp.dot(n, wp.transform_get_translation(from_there)), plane[4])
+
+
+@wp.func
 def _comes(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3, radius: real, height: vec2,
            way: vec3, sinks: real, whole: real, scale: real):
     """Whether a capsule comes clear of body and table to where its axis is from `a` to `b` in the
@@ -169,12 +227,23 @@ def _comes(s: SuperquadricShape, lanes: bool, a: vec3, b: vec3, radius: real, he
     for _ in range(_MARCHES):
         table = lesser(height[0], height[1]) + sinks * back - radius
         off = way * back
-        clear = lesser(table, _capsule_distance(s, lanes, a - off, b - off, radius, table))
+        plane = _capsule_distance(s, lanes, a - off, b - off, radius, table)
+        clear = lesser(table, plane[4])
         if clear < ZERO:
             return False
         if back >= whole:
             return True
-        back = lesser(back + greater(clear * scale, _SHORTEST), whole)
+        # As far back as it stays above the plane, and above the table.
+        until = whole
+        approach = wp.dot(vec3(plane[0], plane[1], plane[2]), way)
+        above = _above(plane, a - off, b - off) - radius
+        if above <= ZERO:
+            until = back
+        elif approach > ZERO:
+            until = lesser(until, back + above / approach)
+        if sinks < ZERO:
+            until = lesser(until, back - table / sinks)
+        back = lesser(greater(back + greater(clear * scale, _SHORTEST), until), whole)
     return True
 
 
@@ -268,14 +337,20 @@ def first_touch_kernel(
             at = links[g, finger, link, step]
             table = lesser(wp.transform_point(own, at.start)[2],
                            wp.transform_point(own, at.end)[2]) - thick
-            body = _capsule_distance(
+            plane = _capsule_distance(
                 s, lanes, wp.transform_point(to_body, at.start),
                 wp.transform_point(to_body, at.end), thick, greater(table, ZERO))
-            clear = lesser(table, body)
+            clear = lesser(table, plane[4])
             if clear <= ZERO:
                 end = int(step)
-                touched = wp.where(body <= table, link, int(-1))
-            step += 1 + int(lesser(greater(clear, ZERO) * scale * at.steps, real(end)))
+                touched = wp.where(plane[4] <= table, link, int(-1))
+            here = _in_frame_of(to_body, plane)
+            while clear > ZERO and step < end:
+                step += 1 + int(lesser(clear * scale * at.steps, real(end)))
+                at = links[g, finger, link, wp.min(step, end)]
+                table = lesser(wp.transform_point(own, at.start)[2],
+                               wp.transform_point(own, at.end)[2])
+                clear = lesser(table, _above(here, at.start, at.end)) - thick
     if touched < 0 or not feels[finger, wp.max(touched, 0)]:
         return
     at = links[g, finger, touched, end]
@@ -283,12 +358,13 @@ def first_touch_kernel(
     b = wp.transform_point(to_body, at.end)
     share = _nearest_share(s, lanes, a, b)
     p = a + (b - a) * share
-    grad = sdf_superquadric_bound_grad(p, s)
-    n = vec3(grad[0], grad[1], grad[2])
+    bound = sdf_superquadric_bound_grad(p, s)
+    n = vec3(bound[0], bound[1], bound[2])
     after = links[g, finger, touched, wp.min(end + 1, command_count[g] - 1)]
     way = wp.transform_vector(to_body, after.start - at.start
                               + (after.end - at.end - after.start + at.start) * share)
     if wp.dot(way, n) > -_GRAZING * wp.length(way):
         return
-    foot = _foot(p, s)
+    half_way = _half_way(p, bound)
+    foot = _foot(p, bound, half_way, sdf_superquadric_bound_grad(half_way, s))
     point[w, probe, g, finger] = wp.transform_point(pose[w], vec3(foot[0], foot[1], foot[2]))

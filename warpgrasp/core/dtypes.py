@@ -55,6 +55,10 @@ class mat77(wp.types.matrix(shape=(7, 7), dtype=wp.float64)):
     """Seven joints' places: positions and quaternions."""
 
 
+class vec5(wp.types.vector(length=5, dtype=wp.float64)):
+    """A plane, normal and level, and a distance."""
+
+
 class vec6(wp.types.vector(length=6, dtype=wp.float64)):
     """Six numbers."""
 

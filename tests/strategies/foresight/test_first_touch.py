@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from beliefs import BODY, belief
 
+from fit.superquadric.geometry import Superquadric
 from strategies.foresight import first_touch
 from strategies.planners.adaptive import GreedyCoverage
 from strategies.planners.candidates import candidate_poses, predicted_touches
@@ -117,3 +118,44 @@ def test_links_that_feel_nothing_are_not_foreseen_to_touch(tmp_path) -> None:
     np.testing.assert_array_equal(by_tips[tips_found], points[tips_found])
     with pytest.raises(NotPossible, match="the hand leap feels none"):
         foreseen("nothing")
+
+
+@pytest.mark.parametrize(("taper", "share"), [(0.0, 0.0), (0.7, 0.022)])
+@pytest.mark.parametrize("lanes", [True, False])
+def test_touches_do_not_depend_on_where_a_path_begins(
+    lanes: bool, taper: float, share: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands are skipped by planes and bounds of what was looked at before them: by others, where
+    a path begins later. What both find they find at the same place, but for bodies that taper, of
+    which the formula is no bound."""
+    rng = np.random.default_rng(3)
+    worlds, size = 32, rng.uniform(0.015, 0.05, (32, 3))
+    turn = rng.uniform(0.0, np.pi, worlds)
+    bodies = Superquadric(
+        size, rng.uniform(0.1, 1.6, (worlds, 2)),
+        np.stack([np.full(worlds, 0.45), np.zeros(worlds), size[:, 2]], 1),
+        np.stack([0 * turn, 0 * turn, np.sin(turn / 2), np.cos(turn / 2)], 1),
+        rng.choice([-taper, taper], (worlds, 2)), np.zeros((worlds, 2)))
+    here = belief_of(HandTable(kind="leap"))
+    poses = np.tile(candidate_poses(here)[0][:1], (worlds, 1, 1))
+    monkeypatch.setattr(first_touch, "has_lanes", lambda device: lanes)
+
+    def touches(begin: int) -> np.ndarray:
+        def later(closings: tuple[str, ...], hand: HandTable) -> tuple[np.ndarray, np.ndarray]:
+            commands, count = padded_commands(closings, hand)
+            return commands[..., begin:, :], count - begin
+
+        monkeypatch.setattr(first_touch, "padded_commands", later)
+        first_touch._links_on_device.cache_clear()
+        return first_touch.first_touches(
+            bodies, here.hand, here.closings, poses, np.ones(poses.shape[:2], bool), "cpu")
+
+    whole, part = touches(0), touches(7)
+    first_touch._links_on_device.cache_clear()
+    comes = np.isfinite(part).any((3, 4), keepdims=True)[..., 0]  # the hand begins free there, too
+    found = np.isfinite(whole[..., 0])
+    assert (found & comes).sum() > 1000
+    other = (found != np.isfinite(part[..., 0])) & comes
+    with np.errstate(invalid="ignore"):
+        other |= np.linalg.norm(whole - part, axis=-1) > 1e-9
+    assert other.sum() <= share * (found & comes).sum()
