@@ -11,6 +11,7 @@ from sweeps.cli.app import Json, UsageError, app, count_of, device_of
 @app.command
 def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None,
              out: Annotated[Path | None, Parameter(name=["--out", "-o"])] = None,
+             hand: Annotated[list[str] | None, Parameter(negative="")] = None,
              poses: int | None = None, workers: int | None = None, json: Json = False) -> int:
     """Compare with MuJoCo, roboticstoolbox, trimesh and SciPy; print ours, theirs, difference.
 
@@ -20,19 +21,24 @@ def validate(*, only: Annotated[list[str] | None, Parameter(negative="")] = None
         Only these checks: puma, arms, distances, pads, metrics, fits, free_forms, hands, closing.
     out
         Also write the table there, as CSV and Markdown.
+    hand
+        Hands that the check hands compares: names, or files my_hand.toml; those that ship if not
+        given.
     poses
-        Random hand poses of each body and closing path, for closing; 24 if not given.
+        Random hand poses of each body and closing path, for closing and hands; 24 if not given.
     workers
-        Processes, for closing; 2 if not given.
+        Processes, for closing and hands; 2 if not given.
     json
         Print JSON.
     """
     from sweeps.validate.command import validate as run_validate
 
-    for name, value in (("--poses", poses), ("--workers", workers)):
-        if value is not None and only and "closing" not in only:
-            raise UsageError(f"{name}: is for closing, which --only leaves out")
-    return run_validate(only or [], out, as_json=json,
+    for name, value, *checks in (("--poses", poses, "closing", "hands"),
+                                 ("--workers", workers, "closing", "hands"),
+                                 ("--hand", hand, "hands")):
+        if value is not None and only and not set(checks) & set(only):
+            raise UsageError(f"{name}: is for {' and '.join(checks)}, which --only leaves out")
+    return run_validate(only or [], out, as_json=json, hands=hand or [],
                         poses=count_of(24 if poses is None else poses, "--poses"),
                         workers=count_of(2 if workers is None else workers, "--workers"))
 

@@ -1,4 +1,5 @@
-"""Guarded closing of the hands that ship against MuJoCo: Allegro, LEAP and Barrett, on ten bodies.
+"""Guarded closing of hands of chains against MuJoCo, on ten bodies: Allegro, LEAP and Barrett, or
+hands of files.
 
 Random hand poses, all fingers, several thresholds of the joints' torques, no sensor noise. Stops,
 tips and torques are compared closing by closing.
@@ -18,11 +19,11 @@ from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
 from sweeps.validate.guarded_closing import TEN, Bounds, bodies_compared, random_poses
 from sweeps.validate.mujoco_chain import MujocoChain
-from warpgrasp.chain.chain_hand import ChainHand, chain_of, link_frames_of
+from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, link_frames_of
 from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.geometry.body import Body, scene_of
-from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import HandError
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 from warpgrasp.probe_status import ProbeStatus
 
@@ -47,30 +48,43 @@ class _Tally:
     torque: list[float] = field(default_factory=list)
 
 
-def compare_hands(poses: int = 24, workers: int = 2) -> list[Comparison]:
+def compare_hands(poses: int = 24, workers: int = 2, hands: Sequence[str] = HANDS
+                  ) -> list[Comparison]:
     """Rows for each hand, without friction and with: over all ten bodies, then body by body;
-    `poses` random hand poses for each body and closing path."""
-    runs = [(hand, body, poses, contact) for contact in BOUNDS for hand in HANDS for body in TEN]
+    `poses` random hand poses for each body and closing path. Raises HandError for a hand that is
+    none, or not of chains."""
+    for name in hands:
+        _chain(name)
+    runs = [(hand, body, poses, contact) for contact in BOUNDS for hand in hands for body in TEN]
     with ProcessPoolExecutor(workers, get_context("spawn"), initializer=init_warp) as pool:
         tallies = list(pool.map(tally_of, *zip(*runs, strict=True)))
     rows: list[Comparison] = []
-    for contact, hand in product(BOUNDS, HANDS):
+    for contact, hand in product(BOUNDS, hands):
         own = [(body, t) for (h, body, _, acts), t in zip(runs, tallies, strict=True)
                if h == hand and acts == contact]
         total = _Tally()
         for _, tally in own:
             _add(total, tally)
         rubs = f", friction {contact.friction:g}" if contact.friction else ""
-        rows += rows_of_tally(f"{hand}, ten bodies{rubs}", total, BOUNDS[contact])
+        name = _chain(hand).model.name
+        rows += rows_of_tally(f"{name}, ten bodies{rubs}", total, BOUNDS[contact])
         for body, tally in own:
-            rows += rows_of_tally(f"{hand}, {body}{rubs}", tally, Bounds())
+            rows += rows_of_tally(f"{name}, {body}{rubs}", tally, Bounds())
     return rows
+
+
+def _chain(name: str) -> ChainHand:
+    hand = chain_of_table(HandTable(kind=name))
+    if hand is None:
+        raise HandError(f"hand {name!r}: has closings of its own, which the check `closing` "
+                        "compares")
+    return hand
 
 
 def tally_of(name: str, body_name: str, poses: int, contact: ContactTable = ALONE) -> _Tally:
     """The differences of a hand before one of `bodies_compared`."""
     body, solids = bodies_compared()[body_name]
-    hand = chain_of(hand_named(name))
+    hand = _chain(name)
     quiet = _quiet(THRESHOLDS_NM[0])
     theirs = MujocoChain(solids, hand, TABLE, quiet, contact)
     tally = _Tally()
@@ -148,12 +162,14 @@ def rows_of_tally(what: str, tally: _Tally, bounds: Bounds) -> list[Comparison]:
     def p95(values: Sequence[float]) -> float:
         return float(np.quantile(values, 0.95)) if values else nan
 
+    def largest(values: Sequence[float], factor: float = 1.0, unit: str = "") -> str:
+        return f"largest {factor * max(values):.3g}{unit}" if values else "no stops"
+
     return [
         Comparison("hands", f"{what}: stops more than a step apart, of {tally.pairs}", "share",
                    *tally.stops, tally.apart / max(tally.pairs, 1), bounds.apart),
         Comparison("hands", f"{what}: tip at the stop, p95", "mm", nan, nan,
-                   1e3 * p95(tally.tip_m), 1e3 * bounds.tip_m,
-                   f"largest {1e3 * max(tally.tip_m, default=nan):.3g} mm"),
+                   1e3 * p95(tally.tip_m), 1e3 * bounds.tip_m, largest(tally.tip_m, 1e3, " mm")),
         Comparison("hands", f"{what}: torque of the largest, p95", "share", nan, nan,
                    p95(tally.torque), bounds.torque,
-                   f"largest {max(tally.torque, default=nan):.3g}")]
+                   largest(tally.torque))]

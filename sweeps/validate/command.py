@@ -20,7 +20,7 @@ CHECKS = {"puma": "puma", "arms": "serial_arms", "distances": "signed_distances"
 
 
 def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
-             as_json: bool) -> int:
+             hands: Sequence[str], as_json: bool) -> int:
     """Run the checks, print the table, write it to `out`; 1 where a difference breaks its bound."""
     for name in only:
         if name not in CHECKS:
@@ -34,7 +34,7 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
         for name in only or CHECKS:
             note(f"{name} ...")
             try:
-                rows += _compare(name, poses, workers)()
+                rows += _compare(name, poses, workers, hands)()
             except (MissingEngine, ModuleNotFoundError) as error:
                 missing = True
                 say(f"{name}: left out: {error}; `make validate` installs what it needs, "
@@ -49,9 +49,13 @@ def validate(only: Sequence[str], out: Path | None, *, poses: int, workers: int,
     return 1 if broken or missing else 0
 
 
-def _compare(name: str, poses: int, workers: int) -> Callable[[], list[Comparison]]:
-    function = getattr(import_module(f"sweeps.validate.{CHECKS[name]}"), f"compare_{name}")
-    return partial(function, poses, workers) if name in ("closing", "hands") else function
+def _compare(name: str, poses: int, workers: int, hands: Sequence[str]
+             ) -> Callable[[], list[Comparison]]:
+    module = import_module(f"sweeps.validate.{CHECKS[name]}")
+    function = getattr(module, f"compare_{name}")
+    if name == "hands":
+        return partial(function, poses, workers, hands or module.HANDS)
+    return partial(function, poses, workers) if name == "closing" else function
 
 
 def csv_of(rows: Sequence[Comparison]) -> bytes:

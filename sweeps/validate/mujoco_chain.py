@@ -1,24 +1,31 @@
 """Guarded closing of any hand in MuJoCo: its exported model with the capsules that it touches with.
 
 Masses are set to those of the simulator, which weighs a link by the hull of its shapes; capsules
-side by side would be weighed twice. A link does not meet the links of its own finger.
+side by side would be weighed twice. A link does not meet the links of its own finger. Joints that
+follow others are held to them by stiff equality constraints, each to the servo of its own finger,
+for each finger is closed for itself; they have no stops of their own.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from sweeps.validate.comparison import engine
 from sweeps.validate.mujoco_hand import MujocoFingers
-from warpgrasp.chain.chain_hand import ChainHand
+from warpgrasp.chain.chain_hand import ChainHand, joint_drive
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.model_tree import hand_model_tree
 from warpgrasp.hands.hand_frames import matrix_of
+from warpgrasp.hands.hand_model import Follow, HandJoint, HandModel
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 
 mujoco = engine("mujoco")
 _LEAST_KG = 1e-3
+_STIFF = {"solref": (0.002, 1.0), "solimp": (0.9999, 0.9999, 1e-6, 0.5, 2.0)}
+"""Of a joint that follows another: it is off by less than a hundredth of a degree."""
+_STIFF_STEP_S = 5e-4
 _PARTS = 10
 """With friction: torques of the Allegro hand then differ by a third as much from ours."""
 _RADIUS_M = 0.01
@@ -38,7 +45,7 @@ class MujocoChain(MujocoFingers):
     def __init__(self, solids: Sequence[Solid], hand: ChainHand, table: HandTable,
                  sensors: SensorTable, contact: ContactTable) -> None:
         """`contact` says what acts on the fingers."""
-        links = hand_model_tree(hand.model)
+        links = hand_model_tree(_each_for_itself(hand))
         model = mujoco.MjModel.from_xml_string(
             mjcf_text(links, solids, limits=contact.joint_stops))
         found = np.zeros((hand.fingers, hand.links), int)
@@ -60,28 +67,46 @@ class MujocoChain(MujocoFingers):
         self.parts = _PARTS if contact.friction else 1
         self._stop_Nm_rad = table.joint_stop_Nm_rad if contact.joint_stops else 0.0
         self._palm_place = np.linalg.inv(matrix_of(hand.model.grasp_frame))
+        self._led = []
+        """Of each finger its joints: their numbers, which servos turn them, factors and shifts."""
         for f, finger in enumerate(hand.model.fingers):
-            for j in range(len(finger.joints)):
-                self._finger[found[f, j]], self._link[found[f, j]] = f, j
-            self._joints.append(np.array([
-                model.joint(finger.joints[j].name).id for j in hand.drives[f]]))
+            count = len(finger.joints)
+            self._finger[found[f, :count]], self._link[found[f, :count]] = f, np.arange(count)
+            numbers = np.array([model.joint(joint.name).id for joint in finger.joints])
+            driven = numbers[list(hand.drives[f])]
+            self._joints.append(driven)
+            self._servos.append(np.array([
+                np.flatnonzero(model.actuator_trnid[:, 0] == j)[0] for j in driven]))
+            self._led.append((numbers, *map(np.array, zip(
+                *(joint_drive(hand, f, j) for j in range(count)), strict=True))))
+            model.jnt_limited[np.setdiff1d(numbers, driven)] = 0
+        if model.neq:
+            model.eq_solref[:], model.eq_solimp[:] = _STIFF["solref"], _STIFF["solimp"]
+            model.opt.timestep = min(model.opt.timestep, _STIFF_STEP_S)
         self._last = [found[f, len(finger.joints) - 1]
                       for f, finger in enumerate(hand.model.fingers)]
+
+    def pose(self, q_rad: np.ndarray) -> None:
+        """As of `MujocoFingers`, with the joints that follow."""
+        for (joints, servos, factor, shift), q in zip(self._led, q_rad, strict=True):
+            self.data.qpos[joints] = factor * q[servos] + shift
 
     def readings(self, torque_Nm: list[np.ndarray], delta_rad: np.ndarray) -> np.ndarray:
         """As of `MujocoFingers`: torques less what weight makes, and friction of the gears [N m].
         """
-        weight = self.data.qfrc_bias  # at rest gravity alone
         low, high = self.model.jnt_range.T
         found = []
         for f, joints in enumerate(self._joints):
             moving = np.sign(np.round(delta_rad[f, :len(joints)], 12))
-            read = torque_Nm[f] - weight[joints] + self.sensors.torque_friction_Nm * moving
+            weight = np.zeros(len(joints))
+            led, servos, factor, _ = self._led[f]
+            np.add.at(weight, servos, factor * self.data.qfrc_bias[led])  # at rest gravity alone
+            read = torque_Nm[f] - weight + self.sensors.torque_friction_Nm * moving
             if self._stop_Nm_rad > 0.0:
                 spring = np.array([self.hand.model.fingers[f].joints[j].stiffness_Nm_rad
                                    for j in self.hand.drives[f]])
-                led = self.data.ctrl[joints] - weight[joints] / spring
-                past = led - np.clip(led, low[joints], high[joints])
+                hangs = self.data.ctrl[self._servos[f]] - weight / spring
+                past = hangs - np.clip(hangs, low[joints], high[joints])
                 read -= past / (1.0 / spring + 1.0 / self._stop_Nm_rad)
             found.append(np.abs(read).max())
         return np.array(found)
@@ -91,3 +116,19 @@ class MujocoChain(MujocoFingers):
         d, number = self.data, self._last[finger]
         return d.xpos[number] + d.xmat[number].reshape(3, 3) @ np.array(
             self.hand.model.fingers[finger].tip_m)
+
+
+def _each_for_itself(hand: ChainHand) -> HandModel:
+    """The hand with servos for all of each finger's drives, also those that another finger leads,
+    by which the finger's other joints are led."""
+    def led(f: int, j: int) -> HandJoint:
+        joint = hand.model.fingers[f].joints[j]
+        if j in hand.drives[f]:
+            return replace(joint, follows=None)
+        drive, factor, shift = joint_drive(hand, f, j)
+        leader = hand.model.fingers[f].joints[hand.drives[f][drive]]
+        return replace(joint, follows=Follow(leader.name, factor, shift))
+
+    return replace(hand.model, fingers=tuple(
+        replace(finger, joints=tuple(led(f, j) for j in range(len(finger.joints))))
+        for f, finger in enumerate(hand.model.fingers)))

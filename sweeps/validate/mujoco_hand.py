@@ -100,7 +100,9 @@ class MujocoFingers(ABC):
         self._finger = np.full(m.nbody, -1)
         self._link = np.full(m.nbody, -1)
         self._joints: list[np.ndarray] = []
-        """Of each finger the numbers of its joints, which are those of their servos."""
+        """Of each finger the numbers of the joints that have a servo."""
+        self._servos: list[np.ndarray] = []
+        """The numbers of these."""
 
     @abstractmethod
     def readings(self, torque_Nm: list[np.ndarray], delta_rad: np.ndarray) -> np.ndarray:
@@ -123,17 +125,21 @@ class MujocoFingers(ABC):
         palm = turn * Rotation.from_matrix(self._palm_place[:3, :3])
         self.model.body_quat[self._palm] = np.roll(palm.as_quat(), 1)
 
-    def touches(self, q_rad: np.ndarray) -> bool:
-        """Whether a hand held at joints (finger, joint) touches anything."""
+    def pose(self, q_rad: np.ndarray) -> None:
+        """Put the joints where servos (finger, servo) hold them."""
         for joints, q in zip(self._joints, q_rad, strict=True):
             self.data.qpos[joints] = q[:len(joints)]
+
+    def touches(self, q_rad: np.ndarray) -> bool:
+        """Whether a hand held by its servos (finger, servo) touches anything."""
+        self.pose(q_rad)
         self.data.qvel[:] = 0.0
         mujoco.mj_forward(self.model, self.data)
         return self.data.ncon > 0
 
     def close(self, commands_rad: np.ndarray, thresholds: Sequence[float]
               ) -> list[list[MujocoStop | None]]:
-        """Close along (finger, step, joint); where each finger stops at each threshold, in order.
+        """Close along (finger, step, servo); where each finger stops at each threshold, in order.
 
         The stop is decided as the simulator does, without sensor noise, from the actuators'
         torques.
@@ -145,15 +151,15 @@ class MujocoFingers(ABC):
             first += 1  # a finger that touches nothing rests at its command, or sags a little
         first = max(first - self.ahead, 0)
         self.touches(commands_rad[:, first])
-        for joints, q in zip(self._joints, commands_rad[:, first], strict=True):
-            self.data.ctrl[joints] = q[:len(joints)]
+        for servos, q in zip(self._servos, commands_rad[:, first], strict=True):
+            self.data.ctrl[servos] = q[:len(servos)]
         held = np.zeros(len(self._joints), bool)
         command = commands_rad[:, first].copy()
         for step in range(first, steps):
             delta = commands_rad[:, step] - commands_rad[:, max(step - 1, 0)]
             command[~held] = commands_rad[~held, step]
             settled = self._settle(command)
-            torque = [self.data.actuator_force[joints] for joints in self._joints]
+            torque = [self.data.actuator_force[servos] for servos in self._servos]
             reading = self.readings(torque, delta)
             for f in np.flatnonzero(~held):
                 for k, threshold in enumerate(thresholds):
@@ -167,8 +173,8 @@ class MujocoFingers(ABC):
     def _settle(self, command: np.ndarray) -> bool:
         m, d = self.model, self.data
         before = d.ctrl.copy()
-        for joints, q in zip(self._joints, command, strict=True):
-            d.ctrl[joints] = q[:len(joints)]
+        for servos, q in zip(self._servos, command, strict=True):
+            d.ctrl[servos] = q[:len(servos)]
         led = d.ctrl.copy()
         for part in range(1, self.parts):
             d.ctrl[:] = before + (led - before) * (part / self.parts)
@@ -201,7 +207,7 @@ class MujocoFingers(ABC):
                 normal = contact.frame[:3] * (1.0 if mine[0] == 1 else -1.0)
                 point = contact.pos - 0.5 * contact.dist * normal  # MuJoCo's is midway
         return MujocoStop(step, d.qpos[self._joints[f]].copy(),
-                          d.actuator_force[self._joints[f]].copy(), self.tip(f), link,
+                          d.actuator_force[self._servos[f]].copy(), self.tip(f), link,
                           point.copy(), normal.copy(), int(contacts), settled, self.touched(f))
 
 
@@ -216,7 +222,7 @@ class MujocoHand(MujocoFingers):
         super().__init__(model, contact, skin_N_m=hand.skin_stiffness_N_m,
                          stop_Nm_rad=hand.joint_stop_Nm_rad)
         self.hand = hand
-        self._joints = list(np.arange(16).reshape(4, 4))
+        self._joints = self._servos = list(np.arange(16).reshape(4, 4))
         for f, finger in enumerate(FINGERS):
             for k, phalanx in enumerate(PHALANGES):
                 number = model.body(f"{finger}_{phalanx}").id

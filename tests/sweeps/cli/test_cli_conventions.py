@@ -78,7 +78,7 @@ def test_help_and_completion_know_every_kind() -> None:
     ("watch DIR --terminal --open", "--open: is of the page"),
     ("sweep SPEC -o x --engine ray --address auto --workers 2", "--workers: is of this machine"),
     ("race SPEC -o x --within 1 --engine ray --address auto --workers 2", "--workers: is of this"),
-    ("validate --only puma --poses 5", "--poses: is for closing"),
+    ("validate --only puma --poses 5", "--poses: is for closing and hands"),
     ("report DIR -o r.html --no-views --workers 2", "--workers: is for views"),
     ("export h.xml --units mm", "--units: says how large a mesh is; should stand beside --object"),
     ("export h.xml --object block --units mm", "--units: is of a mesh file; block is none"),

@@ -2,6 +2,9 @@
 
 import importlib
 import importlib.util
+import re
+from importlib.resources import files
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -63,6 +66,41 @@ def test_a_few_closings_of_another_hand_against_mujoco(rubs: bool) -> None:
     tally = tally_of("barrett", "cylinder", 2, contact)
     assert min(tally.stops) > 5
     assert not broken(list(rows_of_tally("barrett", tally, BOUNDS[contact])))
+
+
+def coupled(folder: Path) -> str:
+    """A file of the Barrett hand as it is built, outer joints following inner ones by a third; the
+    second finger's all follow the first one's."""
+    text = (files("warpgrasp.hands") / "data" / "barrett.toml").read_text()
+    led = {f"finger_{n}_dist_joint": (f"finger_{leader}_med_joint", 0.32)
+           for n, leader in ((1, 1), (2, 1), (3, 3))}
+    led["finger_2_med_joint"] = "finger_1_med_joint", 1.0
+    for name, (leader, factor) in led.items():
+        text = re.sub(f'^"{name}" = .*\n|, "{name}"', "", text, flags=re.MULTILINE)
+        text = text.replace(f'name = "{name}"', f'name = "{name}"\nfollows = '
+                            f'{{ joint = "{leader}", factor = {factor}, offset_deg = 0.0 }}')
+    file = folder / "coupled.toml"
+    file.write_text(text)
+    return str(file)
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+@pytest.mark.parametrize("rubs", [False, True])
+def test_closings_of_joints_that_follow_against_mujoco(rubs: bool, tmp_path: Path) -> None:
+    from sweeps.validate.any_hand import ALONE, BOUNDS, RUBBING, rows_of_tally, tally_of
+
+    contact = RUBBING if rubs else ALONE
+    tally = tally_of(coupled(tmp_path), "cylinder", 2, contact)
+    assert min(tally.stops) > 5
+    assert not broken(list(rows_of_tally("coupled", tally, BOUNDS[contact])))
+
+
+@pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
+def test_a_hand_with_closings_of_its_own_is_no_hand_of_a_file(capsys) -> None:
+    assert run(["validate", "--only", "hands", "--hand", "utah_mit"]) == 2
+    assert "which the check `closing` compares" in capsys.readouterr().err
+    assert run(["validate", "--only", "hands", "--hand", "nowhere.toml"]) == 2
+    assert "nowhere.toml" in capsys.readouterr().err
 
 
 @pytest.mark.skipif(NO_MUJOCO, reason="MuJoCo is not installed: make validate")
