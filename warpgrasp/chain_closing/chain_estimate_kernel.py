@@ -117,18 +117,32 @@ def _turns(hand: Chain, pose: ChainPose, joint: int, x: vec3, d: vec3, felt: _Fe
 
 
 @wp.func
-def _swept(hand: Chain, by_out: vec6):
-    """How fast a place goes outwards as the finger's only drive turns, in any unit: of bodies that
-    may stand anywhere it meets as many as that. 1 for fingers whose torques tell places apart."""
-    return wp.where(hand.drives == 1, wp.abs(by_out[0]), ONE)
+def _swept(hand: Chain, pose: ChainPose, number: int, skin: vec3, by_out: vec6):
+    """How fast a place of the skin goes outwards as the finger's only drive turns, in any unit: of
+    bodies that may stand anywhere it meets as many as that, and none where another capsule of the
+    link covers it. 1 for fingers whose torques tell places apart."""
+    if hand.drives != 1:
+        return ONE
+    joint = chain_capsule(hand, number).joint
+    for other in range(hand.capsule_count):
+        capsule = chain_capsule(hand, other)
+        if other != number and capsule.joint == joint:
+            a = link_place(pose, joint, capsule.start)
+            line = link_place(pose, joint, capsule.end) - a
+            share = wp.dot(skin - a, line) / wp.max(wp.dot(line, line), _TINY)
+            if wp.length(a + line * wp.clamp(share, ZERO, ONE) - skin) < capsule.radius:
+                return ZERO
+    return wp.abs(by_out[0])
 
 
 @wp.func
 def _with_side(
-    post: _Posterior, hand: Chain, pose: ChainPose, joint: int, a: vec3, u: vec3, length: real,
-    radius: real, out: vec3, felt: _Felt
+    post: _Posterior, hand: Chain, pose: ChainPose, number: int, a: vec3, u: vec3, length: real,
+    out: vec3, felt: _Felt
 ):
-    """`post` with the places along one side of a capsule."""
+    """`post` with the places along one side of capsule `number`."""
+    joint = chain_capsule(hand, number).joint
+    radius = chain_capsule(hand, number).radius
     arm = wp.where(felt.leans > 1, radius, ZERO)  # along the surface a force acts on the skin
     x = a + out * arm
     line = u * length
@@ -162,7 +176,9 @@ def _with_side(
                 best = wp.max(best, g)
                 if g >= post.most - _DEEPEST:
                     sums += vec3(ONE, share, share * share) * (
-                        wp.exp((g - post.most) * HALF) * _swept(hand, by_out + rise_out * share))
+                        wp.exp((g - post.most) * HALF) * _swept(
+                            hand, pose, number, a + line * share + out * radius,
+                            by_out + rise_out * share))
             area = PI * radius / _AROUND_REAL * length * _STEP
             sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
             post = _gathered(post, a + out * radius, u, out, sums, joint, best)
@@ -171,10 +187,12 @@ def _with_side(
 
 @wp.func
 def _with_cap(
-    post: _Posterior, hand: Chain, pose: ChainPose, joint: int, end: vec3, u: vec3, radius: real,
-    out: vec3, felt: _Felt
+    post: _Posterior, hand: Chain, pose: ChainPose, number: int, end: vec3, u: vec3, out: vec3,
+    felt: _Felt
 ):
-    """`post` with the places of a capsule's round end beyond one side."""
+    """`post` with the places of the round end of capsule `number` beyond one side."""
+    joint = chain_capsule(hand, number).joint
+    radius = chain_capsule(hand, number).radius
     arm = wp.where(felt.leans > 1, radius, ZERO)
     for c in range(_CAP):
         tip_out = out * real(CAP_COS[c]) + u * real(CAP_SIN[c])
@@ -195,7 +213,8 @@ def _with_cap(
                 post.most = wp.max(post.most, g)
                 post.placed = wp.max(post.placed, g)
             elif g >= post.most - _DEEPEST:
-                weight = cell * wp.exp((g - post.most) * HALF) * _swept(hand, by_out)
+                weight = cell * wp.exp((g - post.most) * HALF) * _swept(
+                    hand, pose, number, end + tip_out * radius, by_out)
                 post = _gathered(post, end + tip_out * radius, u, tip_out,
                                  vec3(weight, ZERO, ZERO), joint, g)
     return post
@@ -327,14 +346,11 @@ def chain_estimate_kernel(
                 for k in range(_AROUND):
                     out = n * real(AROUND_COS[k]) + side * real(AROUND_SIN[k])
                     if length > ZERO:
-                        post = _with_side(post, hand, pose, joint, a, u, length, capsule.radius,
-                                          out, felt)
+                        post = _with_side(post, hand, pose, c, a, u, length, out, felt)
                     if joint == hand.joint_count - 1:
-                        post = _with_cap(post, hand, pose, joint, end, u, capsule.radius, out,
-                                         felt)
+                        post = _with_cap(post, hand, pose, c, end, u, out, felt)
                         # Thick tips touch with all of their round end.
-                        post = _with_cap(post, hand, pose, joint, end, u, capsule.radius, -out,
-                                         felt)
+                        post = _with_cap(post, hand, pose, c, end, u, -out, felt)
     if post.weight <= ZERO:
         return
     mean = post.mean / post.weight

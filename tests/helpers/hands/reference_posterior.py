@@ -3,7 +3,8 @@
 All places of a finger's skin that may touch are alike by their area, and so are all directions of a
 force there that lean from the normal by friction. A place weighs its area times the likelihood of
 the torques at the best size of its force. Of a finger with one drive, which tells no place from
-another, a place also weighs what it sweeps: it meets as many of the bodies that may stand anywhere.
+another, a place also weighs what it sweeps: it meets as many of the bodies that may stand anywhere,
+and none where another capsule of its link covers it.
 The places are the midpoints of the kernels' grid.
 """
 
@@ -48,6 +49,13 @@ def affine_lever(lever: Callable[[np.ndarray], np.ndarray]) -> Callable[[np.ndar
     return lambda points: still + np.einsum("pi,ijk->pjk", points, slopes)
 
 
+def segment_distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """Distances of points (place, 3) from a segment [m]."""
+    line = end - start
+    share = np.clip((points - start) @ line / (line @ line), 0.0, 1.0)
+    return np.linalg.norm(points - start - share[:, None] * line, axis=-1)
+
+
 def posterior(
     skins: Sequence[Skin], torque: np.ndarray, sigma: np.ndarray, friction: float, links: int,
     least: float = 1e-300,
@@ -74,8 +82,11 @@ def posterior(
         gains.append(push**2 / np.maximum((by**2).sum(-1), least))
         places.append(skin_m)
         ways.append(out)
-        swept = np.einsum("pjk,pk->pj", skin.lever(skin_m), out)
-        weights.append(area * np.abs(swept[:, 0]) if len(torque) == 1 else area)
+        swept = np.abs(np.einsum("pjk,pk->pj", skin.lever(skin_m), out))[:, 0]
+        for other in skins:
+            if other is not skin and other.link == skin.link:
+                swept[segment_distance(skin_m, *other.ends) < other.radius] = 0.0
+        weights.append(area * swept if len(torque) == 1 else area)
         numbers.append(np.full(len(out), skin.link))
 
     for skin in skins:
