@@ -172,25 +172,19 @@ def contacts_placed(
     Where a body is none, its contacts stay where they are felt. Raises ShapeError where shapes
     disagree.
     """
-    world, point = np.nonzero(evidence.mask & links.linked)
-    # Those alone, one a row: most slots are empty.
-    felt = rows_of(links, (world, point, None))
-    asked = felt.linked
-    field = superquadric_field(felt, asked, *bodies_on(rows_of(body, world), device), device=device)
-    found = rows_of(places_on_field(
-        felt, asked, field, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
+    asked = evidence.mask & links.linked
+    field = superquadric_field(links, asked, *bodies_on(body, device), device=device)
+    found = places_on_field(
+        links, asked, field, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
         turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M,
-        device=device), (slice(None), 0))
-    moved = (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
-    at = world[moved], point[moved]
-    found = rows_of(found, moved)
-    placed = replace(evidence, **{name: getattr(evidence, name).copy() for name in (
-        "points_m", "covariance_m2", "normals", "contradiction")})
-    placed.points_m[at] = found.point_m
-    placed.covariance_m2[at] = found.covariance_m2
-    placed.normals[at] = found.normal
-    placed.contradiction[at] = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)
-    return placed
+        device=device)
+    moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)
+    sure = np.where(found.chance >= SURE_LINK, found.misfit, np.inf)
+    return replace(
+        evidence, points_m=np.where(moved[..., None], found.point_m, evidence.points_m),
+        covariance_m2=np.where(moved[..., None, None], found.covariance_m2, evidence.covariance_m2),
+        normals=np.where(moved[..., None], found.normal, evidence.normals),
+        contradiction=np.where(moved, sure, evidence.contradiction))
 
 
 def nearest_free(placed: Evidence, evidence: Evidence, body: SuperquadricLike) -> Evidence:
