@@ -347,7 +347,7 @@ def first_touch_kernel(
             here = _in_frame_of(to_body, plane)
             while clear > ZERO and step < end:
                 step += 1 + int(lesser(clear * scale * at.steps, real(end)))
-                at = links[g, finger, link, wp.min(step, end)]
+                at = links[g, finger, link, wp.min(step, end - 1)]
                 table = lesser(wp.transform_point(own, at.start)[2],
                                wp.transform_point(own, at.end)[2])
                 clear = lesser(table, _above(here, at.start, at.end)) - thick

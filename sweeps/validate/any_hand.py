@@ -19,7 +19,7 @@ from sweeps.output import init_warp
 from sweeps.validate.comparison import Comparison
 from sweeps.validate.guarded_closing import TEN, Bounds, bodies_compared, random_poses
 from sweeps.validate.mujoco_chain import MujocoChain
-from warpgrasp.chain.chain_hand import ChainHand, chain_of_table, link_frames_of
+from warpgrasp.chain.chain_hand import ChainHand, chain_of, chain_of_table, link_frames_of
 from warpgrasp.chain_closing.chain_closing import close_chains
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.hands.hand_frames import matrix_of
@@ -74,11 +74,12 @@ def compare_hands(poses: int = 24, workers: int = 2, hands: Sequence[str] = HAND
 
 
 def _chain(name: str) -> ChainHand:
+    """The hand, guarded by the torques of its joints."""
     hand = chain_of_table(HandTable(kind=name))
     if hand is None:
         raise HandError(f"hand {name!r}: has closings of its own, which the check `closing` "
                         "compares")
-    return hand
+    return chain_of(replace(hand.model, senses="joint_torques"))
 
 
 def tally_of(name: str, body_name: str, poses: int, contact: ContactTable = ALONE) -> _Tally:

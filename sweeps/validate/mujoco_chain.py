@@ -24,7 +24,7 @@ from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 mujoco = engine("mujoco")
 _LEAST_KG = 1e-3
 _STIFF = {"solref": (0.002, 1.0), "solimp": (0.9999, 0.9999, 1e-6, 0.5, 2.0)}
-"""Of a joint that follows another: it is off by less than a hundredth of a degree."""
+"""Of a joint that follows another: it is off by less than 1e-4 degrees."""
 _STIFF_STEP_S = 5e-4
 _PARTS = 10
 """With friction: torques of the Allegro hand then differ by a third as much from ours."""
