@@ -79,7 +79,8 @@ def coupled(folder: Path) -> str:
         text = re.sub(f'^"{name}" = .*\n|, "{name}"', "", text, flags=re.MULTILINE)
         text = text.replace(f'name = "{name}"', f'name = "{name}"\nfollows = '
                             f'{{ joint = "{leader}", factor = {factor}, offset_deg = 0.0 }}')
-    text = text.replace('senses = "joint_torques"', 'senses = "tip_switches"')  # compared by torques
+    # What it feels does not count: all are compared by torques.
+    text = text.replace('senses = "joint_torques"', 'senses = "tip_switches"')
     file = folder / "coupled.toml"
     file.write_text(text)
     return str(file)
