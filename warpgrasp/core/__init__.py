@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "float32_vec3", "greater",
         "lesser", "mat32", "mat33", "mat34", "mat42", "mat44", "mat66",
         "mat76", "mat77", "quat", "real", "struct",
-        "transform", "uint8", "vec2", "vec3", "vec4", "vec6", "vec7"],
+        "transform", "uint8", "vec2", "vec3", "vec4", "vec5", "vec6", "vec7"],
     "kernel_cache": ["check_kernels", "drop_kernels", "has_kernels", "place_kernels",
         "seal_kernels"],
     "kernel_launch": ["GPU_BLOCK", "ShapeError", "array_of", "launch",
