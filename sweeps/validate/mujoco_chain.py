@@ -7,18 +7,16 @@ for each finger is closed for itself; they have no stops of their own.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
 from sweeps.validate.comparison import engine
 from sweeps.validate.mujoco_hand import MujocoFingers
-from warpgrasp.chain.chain_hand import ChainHand, joint_drive
+from warpgrasp.chain.chain_hand import ChainHand, fingers_apart, joint_drive
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.model_tree import hand_model_tree
 from warpgrasp.hands.hand_frames import matrix_of
-from warpgrasp.hands.hand_model import Follow, HandJoint, HandModel
 from warpgrasp.parameters import ContactTable, HandTable, SensorTable
 
 mujoco = engine("mujoco")
@@ -45,7 +43,7 @@ class MujocoChain(MujocoFingers):
     def __init__(self, solids: Sequence[Solid], hand: ChainHand, table: HandTable,
                  sensors: SensorTable, contact: ContactTable) -> None:
         """`contact` says what acts on the fingers."""
-        links = hand_model_tree(_each_for_itself(hand))
+        links = hand_model_tree(fingers_apart(hand.model))
         model = mujoco.MjModel.from_xml_string(
             mjcf_text(links, solids, limits=contact.joint_stops))
         found = np.zeros((hand.fingers, hand.links), int)
@@ -116,19 +114,3 @@ class MujocoChain(MujocoFingers):
         d, number = self.data, self._last[finger]
         return d.xpos[number] + d.xmat[number].reshape(3, 3) @ np.array(
             self.hand.model.fingers[finger].tip_m)
-
-
-def _each_for_itself(hand: ChainHand) -> HandModel:
-    """The hand with servos for all of each finger's drives, also those that another finger leads,
-    by which the finger's other joints are led."""
-    def led(f: int, j: int) -> HandJoint:
-        joint = hand.model.fingers[f].joints[j]
-        if j in hand.drives[f]:
-            return replace(joint, follows=None)
-        drive, factor, shift = joint_drive(hand, f, j)
-        leader = hand.model.fingers[f].joints[hand.drives[f][drive]]
-        return replace(joint, follows=Follow(leader.name, factor, shift))
-
-    return replace(hand.model, fingers=tuple(
-        replace(finger, joints=tuple(led(f, j) for j in range(len(finger.joints))))
-        for f, finger in enumerate(hand.model.fingers)))

@@ -166,11 +166,16 @@ def link_frames_of(hand: ChainHand, finger: int, q_rad: np.ndarray) -> np.ndarra
 
 @lru_cache(maxsize=64)
 def _alone(model: HandModel, finger: int) -> HandModel:
-    """The hand with one finger; what followed another finger's joint stays within the finger."""
-    own = model.fingers[finger]
-    joints = tuple(replace(joint, follows=follow)
-                   for joint, follow in zip(own.joints, _within(own), strict=True))
-    return replace(model, fingers=(replace(own, joints=joints),))
+    """The hand with one finger."""
+    return replace(model, fingers=(fingers_apart(model).fingers[finger],))
+
+
+def fingers_apart(model: HandModel) -> HandModel:
+    """The hand with fingers that lead themselves: of the joints that follow one of another finger,
+    the first follows none and leads the others."""
+    return replace(model, fingers=tuple(
+        replace(own, joints=tuple(replace(joint, follows=follow) for joint, follow in zip(
+            own.joints, _within(own), strict=True))) for own in model.fingers))
 
 
 def _within(finger: Finger) -> list[Follow | None]:
