@@ -1,5 +1,6 @@
 """The command line's app, the checks of its arguments, and the exit codes."""
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -57,6 +58,22 @@ def refuse_existing(file: Path, force: bool) -> None:
         from sweeps.spec.errors import StoreError
 
         raise StoreError(f"{file}: exists already; choose another name, or use --force")
+
+
+def named_numbers(option: str, words: Iterable[str], example: str) -> dict[str, float]:
+    """NAME=NUMBER as numbers by name."""
+    found = {}
+    for word in words:
+        name, _, number = word.rpartition("=")
+        if name in found:
+            raise UsageError(f"{option}: {name} twice; should be held at one place")
+        try:
+            found[name] = float(number)
+        except ValueError:
+            found[name] = math.nan
+        if not name or not math.isfinite(found[name]):
+            raise UsageError(f"{option}: is {word!r}; should be NAME=NUMBER, as {example}")
+    return found
 
 
 def count_of(value: int, name: str) -> int:

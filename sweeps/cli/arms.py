@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Force, Json, UsageError, app, refuse_existing
+from sweeps.cli.app import Force, Json, UsageError, app, named_numbers, refuse_existing
 
 
 @app.command
@@ -42,7 +42,9 @@ def arms(*arms: str, json: Json = False) -> int:
 
 @app.command
 def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
-        flange: str | None = None, force: Force = False) -> int:
+        flange: str | None = None,
+        hold: Annotated[list[str] | None, Parameter(negative="")] = None,
+        hand: str | None = None, force: Force = False) -> int:
     """Write an arm from a URDF as TOML, and say what was guessed.
 
     Parameters
@@ -53,7 +55,13 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
         The file to write, .toml.
     flange
         The link that carries the hand, along its z axis; by default the one after the last joint of
-        the only chain of six or seven joints.
+        the only chain of six or seven joints, a gripper left out.
+    hold
+        A joint that stands still, such as a torso's, as NAME=DEGREES, or NAME=MILLIMETRES if it
+        slides; more as in --hold A=0 --hold B=0.
+    hand
+        A hand that ships, or a file, whose palm is that link, as of a robot with arm and hand in
+        one URDF: the flange is written where it carries that hand as the robot does.
     force
         Overwrite an existing file.
     """
@@ -61,13 +69,16 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     from sweeps.result_file import check_result, write_result
     from warpgrasp.arms.arm_file import arm_text
     from warpgrasp.arms.urdf_arm import arm_from_urdf
+    from warpgrasp.hands.hand_file import hand_from_file, hand_named
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
     check_result(out)
     refuse_existing(out, force)
+    carried = hand and (hand_from_file(Path(hand)) if hand.endswith(".toml") else hand_named(hand))
     with quiet_stdout():
-        model, notes = arm_from_urdf(urdf, flange=flange)
+        model, notes = arm_from_urdf(urdf, flange=flange, hand=carried or None,
+                                     held_deg_mm=named_numbers("--hold", hold or [], "torso=0"))
         for line in notes:
             note(line)
         write_result(out, arm_text(model).encode())

@@ -1,13 +1,12 @@
 """The commands for hands: those that ship, and a hand from a URDF."""
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import Force, Json, UsageError, app, refuse_existing
+from sweeps.cli.app import Force, Json, UsageError, app, named_numbers, refuse_existing
 
 if TYPE_CHECKING:
     from warpgrasp.hands.hand_model import HandModel
@@ -85,7 +84,10 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         if is_hand:
             model, text = hand_from_file(urdf), None
         else:
-            model, notes = hand_from_urdf(urdf, palm=palm, tips=tip or [], held_rad=_held(hold))
+            held = named_numbers("--hold", hold or [], "wrist=0")
+            model, notes = hand_from_urdf(
+                urdf, palm=palm, tips=tip or [],
+                held_rad={name: math.radians(angle) for name, angle in held.items()})
             model, changes = fitted_pads(model)
             text = hand_text(model, (*notes, *changes), guessed=True, framed=FRAMED in notes)
             for line in (*notes, *changes):
@@ -100,22 +102,6 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     for path in (*files, picture):
         print(path)
     return 0
-
-
-def _held(words: Sequence[str] | None) -> dict[str, float]:
-    """NAME=DEGREES as radians by name."""
-    found = {}
-    for word in words or []:
-        name, _, angle = word.rpartition("=")
-        if name in found:
-            raise UsageError(f"--hold: {name} twice; should be held at one angle")
-        try:
-            found[name] = math.radians(float(angle))
-        except ValueError:
-            found[name] = math.nan
-        if not name or not math.isfinite(found[name]):
-            raise UsageError(f"--hold: is {word!r}; should be NAME=DEGREES, as wrist=0")
-    return found
 
 
 def _say_guesses(model: "HandModel") -> None:

@@ -112,14 +112,7 @@ def _arm(tree: UrdfTree, tips: Sequence[str], held_rad: Mapping[str, float]
          ) -> tuple[UrdfJoint, ...]:
     """The moving joints before all fingers, if there are as many as an arm has; none where one is
     to be held."""
-    moving = [[joint for joint in tree.path(link) if joint.kind != "fixed"]
-              for link in (tips or tree.links)]
-    inner = {joint.name for path in moving for joint in path[:-1]}
-    ends = {path[-1].name: path for path in moving if path and (tips or path[-1].name not in inner)}
-    if len(ends) < 2:  # a hand of one finger
-        return ()
-    arm = tuple(joints[0] for joints in zip(*ends.values(), strict=False)
-                if len({joint.name for joint in joints}) == 1)
+    arm = tree.stem(tips)
     return arm if len(arm) >= _ARM and not held_rad.keys() & {j.name for j in arm} else ()
 
 

@@ -5,6 +5,7 @@ Raises HandError naming the file, the element, and what would be right.
 
 import math
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ _SHAPES = ("box", "cylinder", "sphere", "mesh")
 _LONGEST = 80
 """Characters of a name, as in a hand's file."""
 _TURNING = ("revolute", "continuous")
+_SLIDING = "prismatic"
 
 
 @dataclass(frozen=True)
@@ -53,6 +55,7 @@ class UrdfJoint:
     """The file's word: revolute, continuous, fixed, or one that no hand and no arm has."""
     axis: np.ndarray
     low_rad: float
+    """Of a joint that slides [m]; infinite where the file does not say it."""
     high_rad: float
     effort_Nm: float
     """0 where it is not known, as `speed_rad_s`."""
@@ -64,6 +67,11 @@ class UrdfJoint:
     def turns(self) -> bool:
         """Whether it moves as joints of hands and arms do."""
         return self.kind in _TURNING
+
+    @property
+    def slides(self) -> bool:
+        """Whether it moves along its axis; no hand has such a joint, but a robot before its arm."""
+        return self.kind == _SLIDING
 
     @property
     def usable(self) -> bool:
@@ -92,6 +100,19 @@ class UrdfTree:
             found.append(self.joint_to[link])
             link = found[-1].parent
         return found[::-1]
+
+    def stem(self, links: Sequence[str] = ()) -> tuple[UrdfJoint, ...]:
+        """The moving joints before all `links`, by default before the last joint of every chain;
+        none where only one chain moves."""
+        moving = [[joint for joint in self.path(link) if joint.kind != "fixed"]
+                  for link in (links or self.links)]
+        inner = {joint.name for path in moving for joint in path[:-1]}
+        ends = {path[-1].name: path for path in moving
+                if path and (links or path[-1].name not in inner)}
+        if len(ends) < 2:
+            return ()
+        return tuple(joints[0] for joints in zip(*ends.values(), strict=False)
+                     if len({joint.name for joint in joints}) == 1)
 
 
 def read_urdf(file: Path) -> UrdfTree:
@@ -205,11 +226,12 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
                         '<axis xyz="0 0 1"/>')
     turns = given.type in _TURNING
     low, high, effort, speed = -math.pi, math.pi, 0.0, 0.0
-    if turns:
+    if turns or given.type == _SLIDING:
         size = float(np.linalg.norm(axis))
         if size < 1e-9:
             raise HandError(f"{where}: its axis has no length; should be a direction")
         axis = axis / size
+    if turns:
         limit = given.limit
         if limit is not None:
             effort, speed = float(limit.effort or 0.0), float(limit.velocity or 0.0)
@@ -221,6 +243,10 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
             if not low < high:
                 raise HandError(f"{where}: limits from {low:g} to {high:g} rad; lower should be "
                                 "less than upper, or the joint fixed")
+    elif given.type == _SLIDING:
+        known = given.limit is not None
+        low = float(given.limit.lower or 0.0) if known else -math.inf
+        high = float(given.limit.upper or 0.0) if known else math.inf
     follows = None
     if turns and given.mimic is not None:
         mimic = given.mimic

@@ -192,7 +192,7 @@ def test_what_is_left_out_or_cannot_be_taken_is_said(tmp_path: Path,
     assert "stiffness_Nm_rad = 2.0  # GUESS" in hand_text(model, guessed=True)
     for options, said in (
             (("--hold", "wrist=0"), "hold: there is no moving joint 'wrist' beyond link palm"),
-            (("--hold", "j1=0", "--hold", "j1=9"), "--hold: j1 twice; should be held at one"),
+            (("--hold", "j1=0", "--hold", "j1=9"), "--hold: j1 twice; should be held at one place"),
             (("--tip", "other"), "tip: link other is not beyond the palm, link palm; should be")):
         assert cli.run(["hand", str(file), "-o", str(out), "--palm", "palm", *options]) == 2
         assert said in capsys.readouterr().err
