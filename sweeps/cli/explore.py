@@ -31,7 +31,7 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
     out
         The directory to write to.
     units
-        Of a mesh: m, cm or mm.
+        Of a mesh: m, cm, mm or in, or how long one unit of the file is, as "120 mm".
     seed
         Names every random number of the episode.
     yaw_deg

@@ -26,7 +26,7 @@ def export(file: Path, /, *, arm: Annotated[bool, Parameter(negative="")] = Fals
     object_
         Put this object before it: a name (`warpgrasp objects`) or a mesh file, then with its units.
     units
-        Of a mesh: m, cm or mm.
+        Of a mesh: m, cm, mm or in, or how long one unit of the file is, as "120 mm".
     hand
         A name (`warpgrasp hands`) or a TOML file that `warpgrasp hand` wrote.
     """

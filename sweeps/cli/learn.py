@@ -23,7 +23,7 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
     out
         The file of models to write.
     units
-        Of meshes: m, cm or mm.
+        Of meshes: m, cm, mm or in, or how long one unit of a file is, as "120 mm".
     strategy
         Strategies that feel them, each given once more: `--strategy ring18 --strategy planar`; by
         default seven, of grasps, faces and contours.

@@ -125,9 +125,9 @@ def _table_of_argument(what: str, units: str | None) -> dict[str, Any]:
         if units is not None:
             raise ObjectError(f"{what}: there is no such mesh file")
         raise ObjectError(f"no object {what!r}; {family_hint(what)}{choose(what, BODY_NAMES)}; or "
-                          "a mesh file with --units m|cm|mm")
+                          "a mesh file with --units m|cm|mm|in")
     if units is None:
-        raise ObjectError(f"{what}: a mesh needs its units: --units m, --units cm or --units mm")
+        raise ObjectError(f"{what}: a mesh needs its units: --units m, cm, mm or in")
     name = on_one_line(file.stem)[:NAME_LIMIT]  # rows are UTF-8, and names of files need not be
     table = {"mesh": str(file.resolve()), "units": units, "name": name}
     _build(table, Path())

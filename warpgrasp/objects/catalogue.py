@@ -83,7 +83,7 @@ def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
     _refuse_unknown(table, kinds[kind], f"{kind} object")
     if kind == "mesh":
         if "units" not in table:
-            raise BodyError(f"{table['mesh']}: say units = \"m\", \"cm\" or \"mm\"")
+            raise BodyError(f"{table['mesh']}: say units = \"m\", \"cm\", \"mm\" or \"in\"")
         return body_from_mesh(base_dir / str(table["mesh"]), units=table["units"], name=name)
     if kind == "object":
         return replace(body_from_name(str(table["object"])), name=name or str(table["object"]))

@@ -4,9 +4,11 @@ import codecs
 import hashlib
 import io
 import logging
+import math
+import re
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -20,10 +22,11 @@ from warpgrasp.objects.welding import edge_counts, welded_faces
 
 KINDS = ("stl", "obj", "ply", "off")
 """File kinds that are read. Archives and scenes (3MF, GLB, ZIP) could unfold to any size."""
-UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001}
+UNITS_M = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 LARGEST_FILE_BYTES = 256 * 2**20
 LARGEST_FACE_COUNT = 2_000_000
 SMALLEST_M, LARGEST_M = 0.005, 1.0  # of the longest side: what one hand can explore
+_LIKE_M = 0.12  # the longest side that a message offers
 _ROUNDED = 1e-3  # of the longest side: vertices may be rounded by this, as the grid rounds more
 _FOLDED_RAD, _FOLD_M2 = 1e-3, 1e-6  # slivers of scans fold, too, and are not felt
 
@@ -31,13 +34,13 @@ _FOLDED_RAD, _FOLD_M2 = 1e-3, 1e-6  # slivers of scans fold, too, and are not fe
 def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
     """A body from a watertight mesh file (STL, OBJ, PLY or OFF), standing on its lowest point.
 
-    The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m", "cm"
-    or "mm". Vertices that differ by rounding are welded where that closes the surface (`welding`).
-    Raises BodyError with what is wrong (missing, empty, open, out of size, rounded far from the
-    origin, too thin for the grid) and the mend.
+    The file's z axis is up; the middle of its bounding box goes on the z axis. `units` is "m",
+    "cm", "mm" or "in", or how long one unit of the file is, as "120 mm". Vertices that differ by
+    rounding are welded where that closes the surface (`welding`). Raises BodyError with what is
+    wrong (missing, empty, open, out of size, rounded far from the origin, too thin for the grid)
+    and the mend.
     """
-    if units not in tuple(UNITS_M):  # unhashable values included
-        raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}")
+    _unit_m(path, units)
     kind = path.suffix.lower().lstrip(".")
     if kind not in KINDS:
         raise BodyError(f"{path}: not a kind of mesh that is read; {', '.join(KINDS)} are")
@@ -67,6 +70,19 @@ def body_from_mesh(path: Path, *, units: str, name: str | None = None) -> Body:
 
     return replace(cached_grid(key.hexdigest(), baked), name=name or path.stem,
                    doc=f"mesh {path.name}")
+
+
+def _unit_m(path: Path, units: str) -> float:
+    """How long one unit of the file is [m]."""
+    words = re.fullmatch(r"([\d.e+-]*) ?([a-z]+)", units) if isinstance(units, str) else None
+    size = math.nan
+    if words and words[2] in UNITS_M:
+        with suppress(ValueError):
+            size = float(words[1] or 1.0) * UNITS_M[words[2]]
+    if not 0.0 < size < math.inf:
+        raise BodyError(f"{path}: units {units!r}: one of {', '.join(UNITS_M)}, or how long one "
+                        'unit of the file is, as "120 mm"')
+    return size
 
 
 def can_be_explored(longest_m: float) -> bool:
@@ -123,7 +139,7 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
         number = int(np.argmin(np.isfinite(mesh.vertices).all(1)))
         raise BodyError(f"{path}: vertex {number} is not a finite number: "
                         f"{mesh.vertices[number].tolist()}; remove it and close the hole")
-    _check_rounding(path, np.asarray(mesh.vertices), units)
+    _check_rounding(path, np.asarray(mesh.vertices))
     mesh.merge_vertices(merge_tex=True, merge_norm=True)
     # Three corners on a line close a T-junction; a face that names one twice closes nothing.
     a, b, c = np.asarray(mesh.faces).T
@@ -131,17 +147,21 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     mesh.remove_unreferenced_vertices()
     if not mesh.nondegenerate_faces().any():
         raise BodyError(f"{path}: every face is a line or a point; faces with an area are wanted")
-    longest = float(mesh.extents.max()) * UNITS_M[units]
+    unit_m = _unit_m(path, units)
+    own = float(mesh.extents.max())
+    longest = own * unit_m
     if not can_be_explored(longest):
-        fits = [u for u, s in UNITS_M.items() if can_be_explored(longest / UNITS_M[units] * s)]
-        hint = f"; in {' or '.join(fits)} it would fit: are the units right?" if fits else ""
+        fits = [u for u, s in UNITS_M.items() if can_be_explored(own * s)]
+        hint = f"; read as {', '.join(fits)} it would fit" if fits else ""
         raise BodyError(f"{path}: {longest:.4g} m long when read in {units}; "
-                        f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}")
+                        f"{SMALLEST_M} to {LARGEST_M} m can be explored{hint}: are the units "
+                        f'right? units = "{_LIKE_M * 1e3 / own:.3g} mm" would make it '
+                        f"{_LIKE_M * 1e3:g} mm long")
     if (edge_counts(np.asarray(mesh.faces)) == 1).any():
         mesh.faces = welded_faces(np.asarray(mesh.vertices), np.asarray(mesh.faces))
         mesh.remove_unreferenced_vertices()
     _check_closed(path, edge_counts(np.asarray(mesh.faces)))
-    vertices = mesh.vertices * UNITS_M[units]
+    vertices = mesh.vertices * unit_m
     low, high = vertices.min(0), vertices.max(0)
     vertices = vertices - [(low[0] + high[0]) / 2, (low[1] + high[1]) / 2, low[2]]
     try:
@@ -152,13 +172,13 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     return vertices, faces
 
 
-def _check_rounding(path: Path, vertices: np.ndarray, units: str) -> None:
+def _check_rounding(path: Path, vertices: np.ndarray) -> None:
     """Refuse an object so far from the origin that the single precision of its file rounds it."""
     single = vertices.astype(np.float32)
     step, longest = float(np.spacing(np.abs(single).max())), float(np.ptp(vertices, axis=0).max())
     if step > _ROUNDED * longest > 0.0 and (single == vertices).all():
-        raise BodyError(f"{path}: lies {np.abs(single).max():.4g} {units} from the origin, where "
-                        f"numbers of single precision are {step:.2g} {units} apart and round it; "
+        raise BodyError(f"{path}: lies {np.abs(single).max():.4g} of its units from the origin, "
+                        f"where numbers of single precision are {step:.2g} apart and round it; "
                         "move it to the origin before the file is written")
 
 

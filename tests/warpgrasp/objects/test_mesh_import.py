@@ -1,5 +1,6 @@
 """Meshes: a baked block against the formula, and every kind of bad file refused with its mend."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -69,15 +70,34 @@ def test_units_scale_and_content_tells_bodies_apart(tmp_path: Path) -> None:
 
 
 def test_a_mug_of_160_metres(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match=r"120 m long.*in mm it would fit"):
+    with pytest.raises(BodyError, match=r"120 m long.*read as mm it would fit"):
         body_from_mesh(block_file(tmp_path, 1000.0), units="m")
+
+
+@pytest.mark.parametrize(("scale", "units"), [
+    (1 / 0.0254, "in"), (1 / 0.3, "300 mm"), (1 / 0.3, "0.3m"), (2e4, "5e-2 mm"), (1.0, "100 cm")])
+def test_a_unit_of_the_file_may_be_of_any_length(scale: float, units: str, tmp_path: Path) -> None:
+    metres, _ = mesh_triangles(block_file(tmp_path), units="m")
+    vertices, _ = mesh_triangles(block_file(tmp_path, scale, "scaled.stl"), units=units)
+    np.testing.assert_allclose(vertices, metres, rtol=1e-6, atol=1e-9)
+
+
+def test_a_mesh_of_no_units_is_told_what_would_fit(tmp_path: Path) -> None:
+    """As of collections whose models are all one unit long; what is offered is taken."""
+    file = block_file(tmp_path, 3e-5)
+    with pytest.raises(BodyError, match="would make it 120 mm long") as error:
+        mesh_triangles(file, units="cm")
+    offered = re.search('units = "([^"]*)"', str(error.value))
+    assert offered
+    vertices, _ = mesh_triangles(file, units=offered[1])
+    assert np.ptp(vertices, axis=0).max() == pytest.approx(0.12, rel=5e-3)
 
 
 def test_a_mesh_that_its_place_has_rounded_is_refused(tmp_path: Path) -> None:
     box = trimesh.creation.box((0.060, 0.080, 0.120))
     for x_m, name in ((1e3, "near.stl"), (1e5, "far.stl"), (1e5, "far.obj")):
         box.copy().apply_translation([x_m, 0.0, 0.0]).export(tmp_path / name)
-    with pytest.raises(BodyError, match=r"lies 1e\+05 m from the origin.* 0\.0078 m apart"):
+    with pytest.raises(BodyError, match=r"lies 1e\+05 of its units from.* 0\.0078 apart"):
         mesh_triangles(tmp_path / "far.stl", units="m")
     for name in ("near.stl", "far.obj"):  # OBJ keeps all digits
         vertices, _ = mesh_triangles(tmp_path / name, units="m")
@@ -292,8 +312,10 @@ def test_the_kind_of_a_file_counts_even_if_it_was_baked(tmp_path: Path) -> None:
 
 
 def test_units_of_another_type_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(BodyError, match="one of m, cm, mm"):
-        body_from_table({"mesh": "block.stl", "units": ["m"]}, tmp_path)
+    for units in (["m"], "", "mm ", "km", "0 mm", "-1 mm", "nan mm", "inf m", "1e999 mm", "e mm",
+                  "1 2 mm", 0.001):
+        with pytest.raises(BodyError, match="one of m, cm, mm, in, or how long one unit"):
+            body_from_table({"mesh": "block.stl", "units": units}, tmp_path)
 
 
 @pytest.mark.parametrize(("name", "content", "message"), [
