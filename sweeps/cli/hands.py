@@ -1,6 +1,7 @@
 """The commands for hands: those that ship, and a hand from a URDF."""
 
 import math
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -40,6 +41,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
          palm: str | None = None,
          tip: Annotated[list[str] | None, Parameter(negative="")] = None,
          hold: Annotated[list[str] | None, Parameter(negative="")] = None,
+         trials: Annotated[bool, Parameter(negative="--no-trials")] = True,
          force: Force = False) -> int:
     """Write a hand from a URDF as TOML, guesses marked, and a picture beside it, open and closed.
 
@@ -56,6 +58,9 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
         Only chains to this link are fingers, and to others as in --tip A --tip B; by default all.
     hold
         A joint that stands still, as NAME=DEGREES; more as in --hold A=0 --hold B=0.
+    trials
+        Compare the first guess with others by episodes, about half a minute; --no-trials keeps the
+        first guess.
     force
         Overwrite existing files (a picture of a TOML is drawn anew without it).
     """
@@ -88,6 +93,9 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
             model, notes = hand_from_urdf(
                 urdf, palm=palm, tips=tip or [],
                 held_rad={name: math.radians(angle) for name, angle in held.items()})
+            if trials:
+                model, said = _by_trial(model, framed=FRAMED in notes)
+                notes = *notes, *said
             model, changes = fitted_pads(model)
             text = hand_text(model, (*notes, *changes), guessed=True, framed=FRAMED in notes)
             for line in (*notes, *changes):
@@ -102,6 +110,35 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     for path in (*files, picture):
         print(path)
     return 0
+
+
+def _by_trial(first: "HandModel", *, framed: bool) -> tuple["HandModel", tuple[str, ...]]:
+    """The best of the first and the other guesses of a hand, and what is said of it."""
+    from dataclasses import replace
+
+    from sweeps.output import init_warp, note
+    from warpgrasp.hands.hand_checks import check_hand
+    from warpgrasp.hands.hand_guesses import other_guesses
+    from warpgrasp.hands.hand_model import HandError
+
+    others = []
+    for guess in other_guesses(first):
+        other = replace(guess, grasp_frame=first.grasp_frame) if framed else guess
+        with suppress(HandError):
+            if other not in (first, *others):
+                others.append(check_hand(other))
+    if not others:
+        return first, ()
+    note(f"compares {len(others) + 1} guesses by episodes, about half a minute (--no-trials: none)")
+    init_warp()
+    from sweeps.cli.tools.hand_trials import best_guess
+
+    best, trial, before = best_guess(first, others)
+    said = (f"the first is kept: mean error {before.chamfer_mm:.1f} mm" if best == first else
+            f"the best has a mean error of {trial.chamfer_mm:.1f} mm, the first of "
+            f"{before.chamfer_mm:.1f}")
+    return best, (f"of {len(others) + 1} guesses of thumb and grasp frame, tried by episodes, "
+                  f"{said}",)
 
 
 def _say_guesses(model: "HandModel") -> None:

@@ -14,14 +14,12 @@ from warpgrasp.hands.hand_frames import (
     posture_angles,
 )
 from warpgrasp.hands.hand_model import (
-    Box,
     Finger,
     HandClosing,
     HandJoint,
     HandModel,
     Place,
     Posture,
-    Shape,
 )
 
 FLEXES = 1.25
@@ -44,6 +42,8 @@ _TRIED = 2000
 """Places of a thumb that are tried, at most."""
 _STEPS = 13
 """Angles of one of its joints, at most."""
+_PLACES = (6, 4, 3, 2)
+"""Angles of each joint of a thumb that may be tried, by how many such joints it has."""
 _EASE = 0.1
 """A radian from its rest is worth this cosine between axes [est]."""
 _FIRST = 1e-3
@@ -53,9 +53,6 @@ _OPPOSED = -0.5
 APART = 0.25
 """How far apart fingers stand across the hand, of their mean length, from which on they close on
 what is between them [est]."""
-_CENTRED = 0.05
-"""Shapes are about their frame's origin if their middle is nearer to it than this share of their
-farthest point [est]."""
 _EVEN = 0.03
 """Fingers stand evenly about an axis if a turn takes each to the next but for this share of how far
 off the axis they reach [est]."""
@@ -66,19 +63,42 @@ Bending = tuple[tuple[tuple[HandJoint, float], ...], ...]
 
 def with_guesses(model: HandModel) -> HandModel:
     """The hand with a thumb, a frame, the postures open and closed, and a path between them."""
+    bending, model = _with_thumb(model)
+    return max(_framed(model, bending, _against_fingers(model, bending)), key=_opening_m)
+
+
+def other_guesses(model: HandModel) -> tuple[HandModel, ...]:
+    """The hand as `with_guesses` makes it but for where its thumb stands, or for its frame; none
+    where there is nothing else to try."""
+    first, (bending, model) = with_guesses(model), _with_thumb(model)
+    turning, places = _turning(model, bending), [_against_fingers(model, bending)]
+    if turning:
+        grid = _grid(turning, _PLACES[min(len(turning), len(_PLACES)) - 1])
+        places += [dict(zip((joint.name for joint in turning), angles, strict=True))
+                   for angles in grid.tolist()]
+    found = [hand for turned in places for hand in _framed(model, bending, turned, both=True)]
+    return tuple(hand for hand in found if hand != first)
+
+
+def _with_thumb(model: HandModel) -> tuple[Bending, HandModel]:
     bending = _bending(model)
-    model = replace(model, thumb=guessed_thumb(_closing(model, bending)))
-    turned = _against_fingers(model, bending)
+    return bending, replace(model, thumb=guessed_thumb(_closing(model, bending)))
+
+
+def _framed(model: HandModel, bending: Bending, turned: Mapping[str, float], *, both: bool = False
+            ) -> list[HandModel]:
+    """The hand facing the object, or with it between its fingers, or `both`; some joints of the
+    thumb stand at `turned` [rad]."""
     rest = _closing(model, bending, turned)
     gripper = _is_gripper(rest)
     found = []
     if not gripper and _go_one_way(rest) and _even_axis(rest) is None:
         facing = _closing(model, bending, turned, _bent(model, bending))
         found.append(replace(facing, grasp_frame=_frame_before_palm(facing)))
-    if not found or _is_opposed(rest):
+    if both or not found or _is_opposed(rest):
         about = _closing(model, bending, turned, _wide(bending))
         found.append(replace(about, grasp_frame=_frame_between(about, gripper)))
-    return max(found, key=_opening_m)
+    return found
 
 
 def _bending(model: HandModel) -> Bending:
@@ -194,10 +214,8 @@ def _against_fingers(model: HandModel, bending: Bending) -> dict[str, float]:
         return {}
     own = names.index(model.thumb)
     bent = {joint.name: end for joints in bending for joint, end in joints}
-    turning = [joint for joint in model.fingers[own].joints
-               if joint.follows is None and joint.name not in bent]
-    steps = min(_STEPS, int(_TRIED ** (1.0 / max(len(turning), 1))))
-    tried = np.array([*product(*(np.linspace(j.low_rad, j.high_rad, steps) for j in turning))])
+    turning = _turning(model, bending)
+    tried = _grid(turning, min(_STEPS, int(_TRIED ** (1.0 / max(len(turning), 1)))))
     q = np.tile(_angles(model), (len(tried), 1))
     at = [model.driven.index(joint) for joint in turning]
     far = np.abs(tried - q[:, at]).sum(1)
@@ -208,6 +226,18 @@ def _against_fingers(model: HandModel, bending: Bending) -> dict[str, float]:
     fingers = _unit(np.mean([way[0] for n, way in enumerate(ways) if n != own], axis=0))
     best = int(np.argmin(ways[own] @ fingers + _EASE * far))
     return {joint.name: float(angle) for joint, angle in zip(turning, tried[best], strict=True)}
+
+
+def _turning(model: HandModel, bending: Bending) -> list[HandJoint]:
+    """The driven joints of the thumb that do not bend it."""
+    bent = {joint.name for joints in bending for joint, _ in joints}
+    return [joint for finger in model.fingers if finger.name == model.thumb and len(bending) > 1
+            for joint in finger.joints if joint.follows is None and joint.name not in bent]
+
+
+def _grid(joints: list[HandJoint], steps: int) -> np.ndarray:
+    """Angles of joints [rad], evenly over their ranges, (place, joint)."""
+    return np.array([*product(*(np.linspace(j.low_rad, j.high_rad, steps) for j in joints))])
 
 
 def _bases(model: HandModel) -> np.ndarray:
@@ -329,30 +359,6 @@ def _way_across(ways: np.ndarray, is_thumb: np.ndarray) -> np.ndarray:
         return ways[~is_thumb].mean(0) - ways[is_thumb][0]
     line = np.linalg.svd(ways)[2][0]
     return line if line @ ways[0] > 0.0 else -line
-
-
-def farthest_point(shapes: tuple[Shape, ...], ahead: np.ndarray) -> np.ndarray:
-    """The middle of the far end of shapes, seen from their frame's origin (3,) [m].
-
-    Shapes about that origin have no end that is farther than the other: theirs is the one towards
-    `ahead` (3,), where the link before leads; if that has no length, their farthest point's.
-    """
-    points = np.concatenate([_outline(shape) for shape in shapes])
-    way, sizes = points.mean(0), np.linalg.norm(points, axis=1)
-    if np.linalg.norm(way) < _CENTRED * sizes.max():
-        way = ahead if np.linalg.norm(ahead) > 1e-9 else points[int(np.argmax(sizes))]
-    way = way / np.linalg.norm(way)
-    return way * float((points @ way).max())
-
-
-def _outline(shape: Shape) -> np.ndarray:
-    """Corners of a box, or the six extremes of both balls of a capsule, (n, 3)."""
-    if isinstance(shape, Box):
-        corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
-        frame = matrix_of(shape.place)
-        return corner * np.asarray(shape.size) @ frame[:3, :3].T + frame[:3, 3]
-    ball = shape.radius * np.concatenate([np.eye(3), -np.eye(3)])
-    return np.concatenate([np.asarray(end) + ball for end in (shape.start, shape.end)])
 
 
 def _farther(joint: HandJoint) -> float:

@@ -11,9 +11,10 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.hands.hand_checks import NEAR, check_hand
 from warpgrasp.hands.hand_frames import matrix_of, place_of
-from warpgrasp.hands.hand_guesses import farthest_point, with_guesses
+from warpgrasp.hands.hand_guesses import with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
+    Box,
     Capsule,
     Finger,
     HandError,
@@ -35,6 +36,9 @@ _TIP = r"tip(s|link|frame)?(?![a-z])"
 """In the name of a link that is a finger's tip, but not in "multiplier"."""
 FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
 """What is said where it is no guess."""
+_CENTRED = 0.05
+"""Shapes are about their frame's origin if their middle is nearer to it than this share of their
+farthest point [est]."""
 _ARM = 4
 """Joints in a row that carry all fingers are an arm's from so many on, not a wrist's [est]."""
 
@@ -182,6 +186,30 @@ def _tip(tree: UrdfTree, link: str, last: HandJoint, chains: Chains) -> np.ndarr
     if last.shapes:
         return farthest_point(last.shapes, matrix_of(last.place)[:3, :3].T @ last.place[:3])
     return max((frame[:3, 3] for _, frame in frames), key=lambda point: float(point @ point))
+
+
+def farthest_point(shapes: tuple[Shape, ...], ahead: np.ndarray) -> np.ndarray:
+    """The middle of the far end of shapes, seen from their frame's origin (3,) [m].
+
+    Shapes about that origin have no end that is farther than the other: theirs is the one towards
+    `ahead` (3,), where the link before leads; if that has no length, their farthest point's.
+    """
+    points = np.concatenate([_outline(shape) for shape in shapes])
+    way, sizes = points.mean(0), np.linalg.norm(points, axis=1)
+    if np.linalg.norm(way) < _CENTRED * sizes.max():
+        way = ahead if np.linalg.norm(ahead) > 1e-9 else points[int(np.argmax(sizes))]
+    way = way / np.linalg.norm(way)
+    return way * float((points @ way).max())
+
+
+def _outline(shape: Shape) -> np.ndarray:
+    """Corners of a box, or the six extremes of both balls of a capsule, (n, 3)."""
+    if isinstance(shape, Box):
+        corner = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) / 2
+        frame = matrix_of(shape.place)
+        return corner * np.asarray(shape.size) @ frame[:3, :3].T + frame[:3, 3]
+    ball = shape.radius * np.concatenate([np.eye(3), -np.eye(3)])
+    return np.concatenate([np.asarray(end) + ball for end in (shape.start, shape.end)])
 
 
 def _names(chains: Chains) -> list[str]:

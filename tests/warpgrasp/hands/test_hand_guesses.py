@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.hands.hand_file import hand_from_file
+from warpgrasp.hands.hand_checks import check_hand
+from warpgrasp.hands.hand_file import hand_from_file, hand_named
 from warpgrasp.hands.hand_frames import (
     finger_tips,
     link_frames,
@@ -15,7 +16,7 @@ from warpgrasp.hands.hand_frames import (
     place_of,
     posture_angles,
 )
-from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, farthest_point, with_guesses
+from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, other_guesses, with_guesses
 from warpgrasp.hands.hand_model import (
     STILL,
     Box,
@@ -28,6 +29,7 @@ from warpgrasp.hands.hand_model import (
     vector_of,
 )
 from warpgrasp.hands.hand_writer import hand_text
+from warpgrasp.hands.urdf_hand import farthest_point
 
 ACROSS, ASIDE, UP = (0.0, 1.0, 0.0), (1.0, 0.0, 0.0), (0.0, 0.0, 1.0)
 Range = tuple[float, float]
@@ -260,3 +262,15 @@ def test_a_single_finger_is_no_thumb_whatever_its_name() -> None:
     model = guessed(finger("thumb", 0.0, (ACROSS,) * 2, ((-0.1, 1.5),) * 2))
     assert model.thumb == ""
     assert matrix_of(model.grasp_frame)[:3, 2] == pytest.approx([1.0, 0.0, 0.0], abs=5e-3)
+
+
+@pytest.mark.parametrize("name", ["allegro", "leap", "barrett"])
+def test_other_guesses_are_hands_that_differ_in_thumb_or_frame(name: str) -> None:
+    model = replace(hand_named(name), extended=None, opposed=None)  # as from a URDF
+    first, others = with_guesses(model), other_guesses(model)
+    assert first not in others
+    assert len(others) > (20 if name != "barrett" else 0)
+    for other in others:
+        check_hand(other)
+        assert other.fingers == first.fingers
+        assert (other.postures, other.grasp_frame) != (first.postures, first.grasp_frame)

@@ -1,0 +1,66 @@
+"""Guesses of a hand beside each other: each explores a few bodies, and the best one stays.
+
+No rule about joints says how well a hand feels: a thumb that stands opposite the fingers may bar
+the hand from an object that is as wide as the gap. So the guess of the rules is compared with
+others, by episodes on a floating wrist: all by the share of the surface that they touch, then the
+best few by how near the recovered bodies are. Every guess has the same episodes.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+
+from strategies.ready_made import STRATEGIES
+from sweeps.episode.episodes import run_cells
+from sweeps.spec.cell import Cell
+from sweeps.spec.objects import object_of_argument
+from warpgrasp.hands.hand_model import HandModel
+from warpgrasp.hands.hand_writer import hand_text
+from warpgrasp.parameters import FLOATING, ArmTable, HandTable
+
+STRATEGY = "rim6-ring12"
+FIRST_BODIES, FIRST_EPISODES = ("block", "wine_bottle", "hammer-1"), 2
+"""Of all guesses; and episodes on each."""
+LAST_BODIES, LAST_EPISODES = (*FIRST_BODIES, "small_cylinder", "mug-3", "box-1", "bowl-1"), 3
+"""Of the best few."""
+FEW = 5
+BETTER = 0.9
+"""A guess replaces the first where its chamfer distance is at most so many times as large."""
+
+
+@dataclass(frozen=True)
+class Trial:
+    """Means of a hand over some bodies, each of which counts alike."""
+
+    touched: float
+    """Share of the surface within 10 mm of a contact."""
+    chamfer_mm: float
+    """Geometric mean."""
+
+
+def best_guess(first: HandModel, others: Sequence[HandModel]) -> tuple[HandModel, Trial, Trial]:
+    """The best of some guesses of a hand; its last trial, and that of the first guess."""
+    touched = [tried(hand, FIRST_BODIES, FIRST_EPISODES).touched for hand in others]
+    few = [first, *(others[k] for k in np.argsort(touched)[::-1][:FEW])]
+    last = [tried(hand, LAST_BODIES, LAST_EPISODES) for hand in few]
+    best = int(np.argmin([trial.chamfer_mm for trial in last]))
+    if last[best].chamfer_mm > BETTER * last[0].chamfer_mm:
+        best = 0
+    return few[best], last[best], last[0]
+
+
+def tried(hand: HandModel, bodies: Sequence[str], episodes: int) -> Trial:
+    """What a hand does in so many episodes on each of some bodies."""
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "hand.toml"
+        file.write_text(hand_text(hand))
+        cells = [Cell(STRATEGIES[STRATEGY], object_of_argument(name, None), name,
+                      arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)))
+                 for name in bodies]
+        rows = run_cells([(cell, np.arange(episodes)) for cell in cells], "cpu")
+    chamfer = [row["chamfer_mm"].mean() for row in rows]
+    return Trial(float(np.mean([row["touched10mm"].mean() for row in rows])),
+                 float(np.exp(np.mean(np.log(chamfer)))))
