@@ -45,6 +45,9 @@ def arm_from_urdf(
     if link not in tree.links:
         raise ArmError(f"{file}: flange: there is no link {link!r}; should be one of "
                        f"{', '.join(tree.links)}")
+    if idle := held.keys() - {joint.name for joint in tree.path(link)}:
+        raise ArmError(f"{file}: hold: joint {min(idle)} is not before link {link}, which carries "
+                       "the hand: where it stands changes nothing; leave it out")
     notes = []
     if flange is None:
         beyond = [name for name in tree.links if link in {j.parent for j in tree.path(name)}]

@@ -112,7 +112,8 @@ def test_held_joints_stand_where_they_are_held(tmp_path: Path) -> None:
                                places(file, model, "wrist_link", held, q), atol=1e-9)
     for name, at, message in (("lift", 2500.0, "joint lift at 2500 mm; should be -1000 to 2000"),
                               ("waist", -90.0, "joint waist at -90 deg; should be -57.3 to 114.6"),
-                              ("torso", 0.0, "no joint 'torso' turns or slides; should be")):
+                              ("torso", 0.0, "no joint 'torso' turns or slides; should be"),
+                              ("aj1", 0.0, "joint aj1 is not before link wrist_link, which")):
         with pytest.raises(ArmError) as error:
             arm_from_urdf(file, flange="wrist_link", held_deg_mm=given | {name: at})
         assert message in str(error.value)
