@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.hands.hand_checks import NEAR, check_hand
+from warpgrasp.hands.hand_checks import MOST_FINGERS, NEAR, check_hand
 from warpgrasp.hands.hand_frames import matrix_of, place_of
 from warpgrasp.hands.hand_guesses import with_guesses
 from warpgrasp.hands.hand_model import (
@@ -81,6 +81,10 @@ def hand_from_urdf(
             raise HandError(f"{file}: hold: joint {name} at {math.degrees(angle):.4g} deg; should "
                             f"be {low:.4g} to {high:.4g}")
     chains = finger_chains(tree, root, tips, held_rad or {})
+    if len(chains.fingers) > MOST_FINGERS:
+        raise HandError(f"{file}: {len(chains.fingers)} chains of joints lead from link {root}; "
+                        f"should be 1 to {MOST_FINGERS} fingers: --palm names the palm of one of "
+                        "several hands, --tip the tips of some fingers")
     names = _names(chains)
     fingers = tuple(_finger(tree, root, name, chain, chains)
                     for name, chain in zip(names, chains.fingers, strict=True))

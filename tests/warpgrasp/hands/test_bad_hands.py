@@ -51,6 +51,9 @@ BAD = {
     "no tip": ([*GOOD[:2], link("b", ""), *GOOD[3:]],
                "finger finger1: its tip lies on its last joint j2.*should be named"),
     "nine": (chain(9), "finger finger1: 9 joints; should be 1 to 6"),
+    "several hands": ([link("palm"), *(part for n in range(8) for part in (
+        link(f"f{n}"), joint(f"j{n}", "palm", f"f{n}")))],
+        "8 chains of joints lead from link palm; should be 1 to 6 fingers: --palm names"),
     "empty": ([], "has no links; should be a tree"),
     "no axis": ([*GOOD[:4], joint("j2", "a", "b", axis="0 0 0")], "joint j2: its axis has no len"),
     "no link": ([*GOOD, joint("j3", "palm", "c")], "joint j3: there is no link 'c'; should"),
