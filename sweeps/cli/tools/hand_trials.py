@@ -21,7 +21,7 @@ from warpgrasp.hands.hand_model import HandModel
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.parameters import FLOATING, ArmTable, HandTable
 
-STRATEGY = "rim6-ring12"
+SEQUENCES = ("ring6", "rim6-ring12")
 FIRST_BODIES, FIRST_EPISODES = ("block", "wine_bottle", "hammer-1"), 2
 """Of all guesses; and episodes on each."""
 LAST_BODIES, LAST_EPISODES = (*FIRST_BODIES, "small_cylinder", "mug-3", "box-1", "bowl-1"), 3
@@ -33,7 +33,7 @@ BETTER = 0.9
 
 @dataclass(frozen=True)
 class Trial:
-    """Means of a hand over some bodies, each of which counts alike."""
+    """Means of a hand over some bodies and sequences of poses, each of which counts alike."""
 
     touched: float
     """Share of the surface within 10 mm of a contact."""
@@ -53,14 +53,16 @@ def best_guess(first: HandModel, others: Sequence[HandModel]) -> tuple[HandModel
 
 
 def tried(hand: HandModel, bodies: Sequence[str], episodes: int) -> Trial:
-    """What a hand does in so many episodes on each of some bodies."""
+    """What a hand does in so many episodes of each sequence on each of some bodies."""
+    touched, chamfer = [], []
     with TemporaryDirectory() as folder:
         file = Path(folder) / "hand.toml"
         file.write_text(hand_text(hand))
-        cells = [Cell(STRATEGIES[STRATEGY], object_of_argument(name, None), name,
-                      arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)))
-                 for name in bodies]
-        rows = run_cells([(cell, np.arange(episodes)) for cell in cells], "cpu")
-    chamfer = [row["chamfer_mm"].mean() for row in rows]
-    return Trial(float(np.mean([row["touched10mm"].mean() for row in rows])),
-                 float(np.exp(np.mean(np.log(chamfer)))))
+        for name in SEQUENCES:
+            cells = [Cell(STRATEGIES[name], object_of_argument(body, None), body,
+                          arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)))
+                     for body in bodies]
+            for rows in run_cells([(cell, np.arange(episodes)) for cell in cells], "cpu"):
+                touched.append(rows["touched10mm"].mean())
+                chamfer.append(rows["chamfer_mm"].mean())
+    return Trial(float(np.mean(touched)), float(np.exp(np.mean(np.log(chamfer)))))
