@@ -59,7 +59,7 @@ def hand(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])]
     hold
         A joint that stands still, as NAME=DEGREES; more as in --hold A=0 --hold B=0.
     trials
-        Compare the first guess with others by episodes, about half a minute; --no-trials keeps the
+        Compare the first guess with others by episodes, a minute or two; --no-trials keeps the
         first guess.
     force
         Overwrite existing files (a picture of a TOML is drawn anew without it).
@@ -129,7 +129,7 @@ def _by_trial(first: "HandModel", *, framed: bool) -> tuple["HandModel", tuple[s
                 others.append(check_hand(other))
     if not others:
         return first, ()
-    note(f"compares {len(others) + 1} guesses by episodes, about half a minute (--no-trials: none)")
+    note(f"compares {len(others) + 1} guesses by episodes, a minute or two (--no-trials: none)")
     init_warp()
     from sweeps.cli.tools.hand_trials import best_guess
 
