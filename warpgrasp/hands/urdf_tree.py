@@ -226,11 +226,10 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
                         '<axis xyz="0 0 1"/>')
     turns = given.type in _TURNING
     low, high, effort, speed = -math.pi, math.pi, 0.0, 0.0
-    if turns or given.type == _SLIDING:
-        size = float(np.linalg.norm(axis))
-        if size < 1e-9:
-            raise HandError(f"{where}: its axis has no length; should be a direction")
-        axis = axis / size
+    size = float(np.linalg.norm(axis))
+    if turns and size < 1e-9:
+        raise HandError(f"{where}: its axis has no length; should be a direction")
+    axis = axis / max(size, 1e-9)
     if turns:
         limit = given.limit
         if limit is not None:

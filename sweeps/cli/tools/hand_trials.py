@@ -63,6 +63,6 @@ def tried(hand: HandModel, bodies: Sequence[str], episodes: int) -> Trial:
                           arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)))
                      for body in bodies]
             for rows in run_cells([(cell, np.arange(episodes)) for cell in cells], "cpu"):
-                touched.append(rows["touched10mm"].mean())
-                chamfer.append(rows["chamfer_mm"].mean())
+                touched.append(np.nan_to_num(rows["touched10mm"]).mean())
+                chamfer.append(np.nan_to_num(rows["chamfer_mm"], nan=np.inf).mean())
     return Trial(float(np.mean(touched)), float(np.exp(np.mean(np.log(chamfer)))))

@@ -92,3 +92,15 @@ def test_the_command_writes_the_best_guess(tmp_path: Path, monkeypatch: pytest.M
     asked = len(seen)
     assert cli.run(["hand", str(urdf), "-o", str(out), "--force", "--no-trials"]) == 0
     assert len(seen) == asked
+
+
+def test_a_guess_without_a_score_is_never_the_best(monkeypatch: pytest.MonkeyPatch) -> None:
+    def rows(parts: Sequence[tuple], device: str) -> list[dict[str, np.ndarray]]:
+        (cell, episodes), *_ = parts
+        failed = 'name = "1"' in Path(cell.hand.kind).read_text()
+        value = np.full(len(episodes), np.nan if failed else 5.0)
+        return [{"touched10mm": value, "chamfer_mm": value}] * len(parts)
+
+    monkeypatch.setattr(hand_trials, "run_cells", rows)
+    assert best_guess(named("0"), [named("1")])[0].name == "0"
+    assert tried(named("1"), ("block",), 2) == Trial(0.0, np.inf)

@@ -119,6 +119,13 @@ def test_held_joints_stand_where_they_are_held(tmp_path: Path) -> None:
         assert message in str(error.value)
 
 
+def test_a_slider_without_an_axis_beyond_the_flange_is_nobodys_matter(tmp_path: Path) -> None:
+    file = written(tmp_path / "robot.urdf", [*arm(), ("jaw", "j5_link", "prismatic")])
+    before, after = file.read_text().rsplit("<axis", 1)
+    file.write_text(before + '<axis xyz="0 0 0"/>' + after.split("/>", 1)[1])
+    assert len(arm_from_urdf(file)[0].joints) == 6
+
+
 def test_a_hand_of_the_same_robot_is_carried_as_the_robot_does(tmp_path: Path) -> None:
     """The grasp frame of an episode's hand, `mount_length` ahead of the flange, is the grasp frame
     of the hand whose palm is the link."""
