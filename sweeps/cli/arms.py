@@ -20,8 +20,9 @@ def arms(*arms: str, json: Json = False) -> int:
         Print JSON.
     """
     from sweeps.text_table import print_table
-    from warpgrasp.arms.arm_file import SHIPPED_ARMS, arm_from_file, arm_named
+    from warpgrasp.arms.arm_file import SHIPPED_ARMS
     from warpgrasp.arms.serial_arm import arm_reach_m
+    from warpgrasp.mechanism.arm import serial_model
     from warpgrasp.parameters import FLOATING, PUMA560, ArmTable
 
     table = ArmTable()
@@ -30,9 +31,8 @@ def arms(*arms: str, json: Json = False) -> int:
             FLOATING: (FLOATING, "0", "", "a floating wrist within a box")}
 
     def row(name: str) -> tuple[str, ...]:
-        if name in ours:
+        if (m := serial_model(ArmTable(kind=name))) is None:
             return ours[name]
-        m = arm_from_file(Path(name)) if name.endswith(".toml") else arm_named(name)
         return name, str(len(m.joints)), f"{arm_reach_m(m):.2f}", m.source
 
     print_table(("arm", "joints", "length [m]", "source"),
@@ -69,15 +69,15 @@ def arm(urdf: Path, /, *, out: Annotated[Path, Parameter(name=["--out", "-o"])],
     from sweeps.result_file import check_result, write_result
     from warpgrasp.arms.arm_file import arm_text
     from warpgrasp.arms.urdf_arm import arm_from_urdf
-    from warpgrasp.hands.hand_file import hand_from_file, hand_named
+    from warpgrasp.chain.chain_hand import hand_of_kind
 
     if out.suffix != ".toml":
         raise UsageError(f"--out: is {out}; should end in .toml")
     check_result(out)
     refuse_existing(out, force)
-    carried = hand and (hand_from_file(Path(hand)) if hand.endswith(".toml") else hand_named(hand))
+    carried = hand_of_kind(hand) if hand else None
     with quiet_stdout():
-        model, notes = arm_from_urdf(urdf, flange=flange, hand=carried or None,
+        model, notes = arm_from_urdf(urdf, flange=flange, hand=carried,
                                      held_deg_mm=named_numbers("--hold", hold or [], "torso=0"))
         for line in notes:
             note(line)

@@ -25,10 +25,10 @@ def hands(*hands: str, json: Json = False) -> int:
         Print JSON.
     """
     from sweeps.text_table import print_table
-    from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
+    from warpgrasp.chain.chain_hand import hand_of_kind
+    from warpgrasp.hands.hand_file import SHIPPED
 
-    found = [(name, hand_from_file(Path(name)) if name.endswith(".toml") else hand_named(name))
-             for name in hands or SHIPPED]
+    found = [(name, hand_of_kind(name)) for name in hands or SHIPPED]
     print_table(("hand", "fingers", "joints", "driven", "thumb", "senses", "closings", "source"),
                 [(name, str(len(m.fingers)), str(len(m.joints)), str(len(m.driven)),
                   m.thumb or "none", m.senses, ", ".join(c.name for c in m.closings), m.source)

@@ -35,20 +35,19 @@ def export_robot(
 def _files(
     file: Path, kind: str, arm: str | None, what: str | None, units: str | None, hand_word: str
 ) -> dict[Path, str]:
+    from warpgrasp.chain.chain_hand import hand_of_kind
     from warpgrasp.export.convex_solids import object_solids
     from warpgrasp.export.mjcf import mjcf_text
     from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
     from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
     from warpgrasp.export.urdf import urdf_text
-    from warpgrasp.hands.hand_file import hand_from_file, hand_named
     from warpgrasp.objects.catalogue import body_from_name, body_from_table
     from warpgrasp.objects.mesh_import import mesh_triangles
 
     hand, pads, stands = HandTable(), PadTable(), ObjectTable()
     model = None  # the default hand is the tables', pads included
     if hand_word != DEFAULT_HAND:
-        model = (hand_from_file(Path(hand_word)) if hand_word.endswith(".toml")
-                 else hand_named(hand_word))
+        model = hand_of_kind(hand_word)
     solids, top = [], 0.0
     if what is not None:
         table = object_of_argument(what, units)
