@@ -167,9 +167,10 @@ def _check_extent(path: Path, sets: PointSets, unit: str) -> None:
 def _axes(path: Path, header: list[str], units: str | None) -> tuple[tuple[str, ...], str]:
     """The columns of x, y and z, and the unit that they are named by.
 
-    Raises PointsError for columns that are missing or there twice.
+    Raises PointsError for columns that are missing or there twice, or in two units.
     """
-    named = next((unit for unit in UNITS_M if f"x_{unit}" in header), None)
+    of_units = [unit for unit in UNITS_M if f"x_{unit}" in header]
+    named = of_units[0] if of_units else None
     if named is None and units is not None and "x" in header:
         axes, named = ("x", "y", "z"), units
     else:
@@ -180,6 +181,9 @@ def _axes(path: Path, header: list[str], units: str | None) -> tuple[tuple[str, 
     else:
         problems += [f"{path}:1: {name}: column is missing{_hint(header)}" for name in axes
                      if name not in header]
+    if len(of_units) > 1:
+        problems.append(f"{path}:1: x_{of_units[0]} and x_{of_units[1]}: touches in two units; "
+                        "should be in one")
     normals = [name for name in NORMAL if name in header]
     if 0 < len(normals) < 3:
         problems.append(f"{path}:1: {normals[0]}: a normal needs all of nx, ny, nz")

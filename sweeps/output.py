@@ -101,7 +101,13 @@ def write_atomic(path: Path, content: bytes) -> None:
 
 @contextmanager
 def atomic_file(path: Path) -> Iterator[BinaryIO]:
-    """A temporary file to write to; it becomes `path` at the end, and is removed on an error."""
+    """A temporary file to write to; it becomes `path`, or what a link there stands for, at the end,
+    and is removed on an error. What is no plain file, such as a pipe, is written to itself."""
+    if path.exists() and not path.is_file():
+        with path.open("wb") as stream:
+            yield stream
+        return
+    path = Path(os.path.realpath(path))
     temporary = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:
         with temporary.open("wb") as stream:

@@ -3,6 +3,7 @@
 A study's directory is recognized by its `resolved.json`, or by `units/` beside `logs/`.
 """
 
+import errno
 import os
 import time
 from pathlib import Path
@@ -16,6 +17,7 @@ RESULTS = ("leaderboard.csv", "race.csv", "race.svg", "search.csv", "sensitivity
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "sensitivity.toml", *RESULTS)
 OWN_FOLDERS = ("units", "contacts", "logs", "inputs")
 _MOMENT_S = 0.2
+_DENIED = os.strerror(errno.EACCES)
 
 
 def is_study(folder: Path) -> bool:
@@ -45,7 +47,8 @@ def _strangers(folder: Path) -> list[str]:
 def study_of_file(path: Path, own: str = "") -> Path | None:
     """The directory of the study that a file belongs to by its place and name; None of others, and
     of `own`, a result in the study's directory that the command may write anew."""
-    place = Path(os.path.realpath(path.parent))  # what a link stands for is not written over
+    path = Path(os.path.realpath(path))  # what a link stands for would be written over
+    place = path.parent
     if is_study(place) and path.name != own and (
             path.name in OWN_FILES or path.name.startswith(".lock-")):
         return place
@@ -67,6 +70,9 @@ def why_unwritable(path: Path, own: str = "") -> str:
         return f"{path}: cannot be written: there is no folder {path.parent}"
     if path.is_dir():
         return f"{path}: cannot be written: it is a folder"
+    if path.exists() and not path.is_file():  # a pipe or a device, written to itself
+        return "" if os.access(path, os.W_OK) else f"{path}: cannot be written: {_DENIED}"
+    path = Path(os.path.realpath(path))
     probe = path.with_name(f".{path.name}.{os.urandom(6).hex()}.tmp")
     try:  # a disk may be read-only, a name too long
         probe.touch(exist_ok=False)

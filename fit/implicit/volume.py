@@ -25,6 +25,8 @@ SAMPLES = 256
 """Points of a surface at which the covariance is taken."""
 LEAST_SLOPE = 0.2
 """A slope of the distance below this counts as this much."""
+LEAST_M3 = 1e-21
+"""The volume that an interval takes one without volume for."""
 NORMAL_90 = 1.6449
 """A normal number is within so many standard deviations with probability 0.9."""
 
@@ -43,7 +45,7 @@ class VolumeEstimate:
 
     def interval_m3(self) -> Float[np.ndarray, "fit 2"]:
         """90 % interval of each volume, log-normal, so that it is positive."""
-        volume = np.maximum(self.volume_m3, 1e-12)
+        volume = np.maximum(self.volume_m3, LEAST_M3)
         spread = np.exp(NORMAL_90 * np.sqrt(np.log1p((self.std_m3 / volume) ** 2)))
         return np.stack([volume / spread, volume * spread], 1)
 

@@ -1,4 +1,4 @@
-"""What each entry recognized each object as; entries that do not recognize are left out."""
+"""What each entry recognized each object as; entries that were not asked are left out."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -6,7 +6,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sweeps.analysis.entries import entries_of, entry_axes, paired_blocks, values_of
+from sweeps.analysis.entries import (
+    asked_to_recognize,
+    entries_of,
+    entry_axes,
+    paired_blocks,
+    values_of,
+)
 from sweeps.analysis.paired import reading_notes
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
@@ -35,7 +41,7 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
     entries = entries_of(plan, axes)
     counts: dict[tuple[str, str], Counter[str]] = {}
     right: dict[tuple[str, str], list[float]] = {}
-    missing, objects = 0, []
+    missing, objects, asked = 0, [], []
     for number, body in enumerate(plan.study.objects):
         seen = False
         for block in paired_blocks(plan, stores, entries, axes, number):
@@ -44,20 +50,20 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
                 continue
             seen = True
             for entry, rows in zip(entries, block.rows, strict=True):
+                if not asked_to_recognize(rows):
+                    continue
                 key = entry.label, body.name
+                asked += [] if entry.label in asked else [entry.label]
                 answers = rows.get("recognized_as", [""] * block.count)
                 counts.setdefault(key, Counter()).update(map(str, answers))
                 right.setdefault(key, []).extend(values_of(rows, "recognized"))
         objects += [body.name] if seen else []
-    asked = [entry.label for entry in entries
-             if any(name for key, count in counts.items() if key[0] == entry.label
-                    for name in count)]
-    counts = {key: _named(count) for key, count in counts.items() if key[0] in asked}
+    counts = {key: _named(count) for key, count in counts.items()}
     given = {name for count in counts.values() for name in count}
     last = [name for name in (NONE_OF_THESE, NO_ANSWER) if name in given]
     answers = [*objects, *sorted(given - {*objects, NONE_OF_THESE, NO_ANSWER}), *last]
     notes = list(reading_notes(plan, missing, len(objects)))
-    if objects and not asked:
+    if objects and given <= {NO_ANSWER}:
         notes.append("no strategy of this study names what it felt")
     shares = {label: float(np.mean([np.mean(right[label, body]) for body in objects]))
               for label in asked}

@@ -259,6 +259,18 @@ def fault_line(label: str, fault: str) -> str:
     return f"strategy {label} failed: {fault}"
 
 
+def asked_to_recognize(rows: Columns) -> bool:
+    """Whether rows tell what objects were taken for; a unit that failed would have."""
+    return "recognized" in rows or bool((rows["status"] == "unit_failed").all())
+
+
+def ranked_values(rows: Columns, metric: str) -> np.ndarray:
+    """`values_of` a metric that entries are ranked by: what an episode cost whose strategy was at
+    fault is not known, or failing early would pay."""
+    values = values_of(rows, metric)
+    return np.where(np.isin(rows["status"], FAULTS), np.nan, values) if metric in COSTS else values
+
+
 def values_of(rows: Columns, name: str) -> np.ndarray:
     """A column as numbers, NaN where the rows have none; `failure_rate` too.
 

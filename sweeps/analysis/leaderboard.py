@@ -32,6 +32,7 @@ from sweeps.analysis.entries import (
     Entry,
     LeaderboardError,
     Reference,
+    asked_to_recognize,
     bounds_of,
     check_metric,
     digits_of,
@@ -78,7 +79,7 @@ class _Faults:
     def __init__(self) -> None:
         self.first: dict[str, str] = {}  # of each entry, why its first episode failed
         self.noted: dict[str, list[Any]] = {}  # episodes with notes that touched, all, the first
-        self.names_objects: set[str] = set()  # entries that recognize objects
+        self.names_objects: set[str] = set()  # entries that were asked what the objects are
         self.silent: dict[tuple[str, str], list[Any]] = {}  # entry, object: untouched, all, why
         self.units: dict[str, list[int]] = {}  # of each entry, units that failed, and all
 
@@ -102,7 +103,7 @@ class _Faults:
         units = self.units.setdefault(entry.label, [0, 0])
         units[0] += bool((rows["status"] == "unit_failed").all())
         units[1] += 1
-        if any(rows.get("recognized_as", ())):
+        if asked_to_recognize(rows):
             self.names_objects.add(entry.label)
 
     def failed_units(self) -> list[str]:
@@ -256,7 +257,7 @@ class _Ranking:
             cells = {column: number_text(values[n], places)
                      for column, (values, places) in columns.items()}
             cells["worse_than_prior"] = worse[n]
-            if name not in faults.names_objects and metric != "recognized":
+            if name not in faults.names_objects:
                 cells["recognized"] = "NA"
             known = np.isfinite(value.value[n])
             rows.append(self._row(cells, str(rank) if known else "", name, label))
@@ -339,24 +340,24 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     most = max(ranking.distinct for ranking in rankings.values())
     lost = [name for ranking in rankings.values() for name in ranking.lost]
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
-             *_few([*same_bodies(plan.study)]),
-             *_few([*lost_notes(lost, metric)]),
-             *_few(faults.failed_units()),
-             *_few(faults.notes())]
+             *few_lines([*same_bodies(plan.study)]),
+             *few_lines([*lost_notes(lost, metric)]),
+             *few_lines(faults.failed_units()),
+             *few_lines(faults.notes())]
     for label, ranking in rankings.items():
         where = f" ({label})" if label else ""
-        notes += _few([
+        notes += few_lines([
             f"{name} hardly ever touches{where}: {mean:.1f} contacts an episode in the mean"
             for name, mean in ranking.rarely_touching()])
-        notes += _few([line + where for line in ranking.worse_than_prior()])
-        notes += _few([line + where for line in ranking.beside_prior[metric].by_choice(
+        notes += few_lines([line + where for line in ranking.worse_than_prior()])
+        notes += few_lines([line + where for line in ranking.beside_prior[metric].by_choice(
             ranking.first, ranking.sign)])
-        notes += _few([line + where for line in ranking.alike()])
-    notes += _few(faults.untouched())
+        notes += few_lines([line + where for line in ranking.alike()])
+    notes += few_lines(faults.untouched())
     return Leaderboard(_header(metric), tuple(rows), tuple(notes))
 
 
-def _few(lines: list[str]) -> list[str]:
+def few_lines(lines: list[str]) -> list[str]:
     """The first of many notes of one kind, and how many there are."""
     more = len(lines) - MOST_LINES
     return lines if more <= 1 else [*lines[:MOST_LINES], f"and {more} {MORE}"]

@@ -16,6 +16,7 @@ from sweeps.analysis.entries import (
     entry_axes,
     paired_blocks,
     prior_column,
+    ranked_values,
     values_of,
 )
 from sweeps.analysis.interval import ObjectMeans
@@ -70,7 +71,7 @@ def read_objects(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                  also: Callable[[Entry, Columns], None] | None = None) -> Iterator[ObjectRows]:
     """A study object by object; `also` is shown the rows of every entry and block.
 
-    Beside the metrics their priors' columns are read.
+    Beside the metrics, by the first of which entries are ranked, their priors' columns are read.
     """
     columns = {*metrics, *filter(None, map(prior_column, metrics))}
     for number, body in enumerate(plan.study.objects):
@@ -82,7 +83,8 @@ def read_objects(plan: Plan, stores: Sequence[Store], entries: Sequence[Entry],
                 continue
             found.episodes += [(block.number, n) for n in range(block.count)]
             for name in columns:
-                parts[name].append(np.column_stack([values_of(rows, name) for rows in block.rows]))
+                of_rows = ranked_values if name == metrics[0] else values_of
+                parts[name].append(np.column_stack([of_rows(rows, name) for rows in block.rows]))
             for entry, rows in zip(entries, block.rows if also else (), strict=False):
                 also(entry, rows)  # type: ignore[misc]
         if found.episodes:

@@ -2,6 +2,7 @@
 
 import errno
 import gc
+import io
 import os
 import sys
 
@@ -41,6 +42,8 @@ search after 100,000 still 30 ms, four times in an episode of `explore`."""
 def main(arguments: list[str] | None = None) -> None:
     """The entry point: runs a command and exits with its code."""
     gc.set_threshold(*GARBAGE_AFTER)
+    if isinstance(sys.stdout, io.TextIOWrapper):  # a terminal may not know all letters of a name
+        sys.stdout.reconfigure(errors="backslashreplace")
     # As workers have them. Threads of BLAS gain nothing with matrices of a thousand rows, and on a
     # busy machine their waiting for one another takes a hundred times as long as the work.
     os.environ.setdefault("JAX_PLATFORMS", "cpu")

@@ -4,7 +4,8 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from sweeps.analysis.entries import LeaderboardError, check_metric
+from sweeps.analysis.entries import LeaderboardError, check_metric, fault_line
+from sweeps.analysis.leaderboard import few_lines
 from sweeps.output import note, say, write_atomic
 from sweeps.race.course import Course, afforded, check_entries, run_course
 from sweeps.race.elimination import Race, Rules
@@ -62,6 +63,8 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
             raise StoreError(course.why_nothing(episodes), 2)
         found = verdict_of(course.race, course.units)
         _write(folder, found)
+    for line in few_lines([fault_line(*fault) for fault in sorted(found.faults.items())]):
+        note(line)
     _show(found, as_json, search_lines(course) if isinstance(course, SearchCourse) else {})
     if not found.reached:
         spent = "time" if course.late else "budget of episodes" if episodes else "objects"

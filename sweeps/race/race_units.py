@@ -18,6 +18,7 @@ from sweeps.analysis.entries import (
     entry_axes,
     fault_of,
     prior_column,
+    ranked_values,
     setting_index,
     sign_of,
     values_of,
@@ -72,7 +73,7 @@ class RaceUnits:
         """What became of the episodes that were read."""
         self.faults: dict[str, str] = {}
         """Of each entry at fault, what the first of its episodes says that was read."""
-        self._touches = np.zeros((2, len(self.entries)))  # sum and number of those known
+        self._touches, self._failed = np.zeros((2, 2, len(self.entries)))  # sum, number of known
 
     @property
     def objects_each(self) -> int:
@@ -110,12 +111,12 @@ class RaceUnits:
         or was given.
         """
         self.missing = []
-        before = self.statuses.copy(), self._touches.copy()
+        before = self.statuses.copy(), self._touches.copy(), self._failed.copy()
         raw = [{body: self._values(entry, body, blocks)
                 for body, blocks in self._by_object(start, stop).items()}
                for entry, start, stop in asked]
         if self.missing:  # they will be asked for again
-            self.statuses, self._touches = before
+            self.statuses, self._touches, self._failed = before
         for of_objects in raw:
             for body, values in of_objects.items():
                 self._note_worst(body, values)
@@ -170,7 +171,7 @@ class RaceUnits:
                     self._note_worst(body, sign * values_of(rows, given))
                 self._count(entry, last - first, rows)
                 of_cases.append(np.full(last - first, np.nan) if rows is None
-                                else sign * values_of(rows, self.metric))
+                                else sign * ranked_values(rows, self.metric))
             parts.append(np.array(of_cases))
         return np.concatenate(parts, axis=1)
 
@@ -178,18 +179,24 @@ class RaceUnits:
         """Takes note of what a reader of the race wants to know beside scores."""
         if rows is None:
             self.statuses["unit_failed"] += episodes
+            self._failed[:, entry] += episodes
             return
         self.statuses.update(map(str, rows["status"]))
         if fault := fault_of(rows):
             self.faults.setdefault(self.entries[entry].label, fault)
+        self._failed[:, entry] += values_of(rows, "failure_rate").sum(), episodes
         touches = values_of(rows, "touches")
         self._touches[:, entry] += np.nansum(touches), np.isfinite(touches).sum()
 
     @property
     def touches(self) -> np.ndarray:
         """Each entry's mean number of touches, (entry,); NaN where none is known."""
-        total, count = self._touches
-        return np.divide(total, count, where=count > 0, out=np.full(len(total), np.nan))
+        return _share(*self._touches)
+
+    @property
+    def failure_rate(self) -> np.ndarray:
+        """Each entry's share of failed episodes, (entry,); NaN where none was read."""
+        return _share(*self._failed)
 
     def _units(self, entry: int, body: int, first: int, last: int) -> list[Unit]:
         """A block of episodes of an entry on an object: a unit a case."""
@@ -206,3 +213,7 @@ class RaceUnits:
         name = cell_hash(cell, study.objects[body])
         self._together[name] = repr(batch_key(cell))
         return cell, name
+
+
+def _share(total: np.ndarray, count: np.ndarray) -> np.ndarray:
+    return np.divide(total, count, where=count > 0, out=np.full(len(total), np.nan))

@@ -130,7 +130,8 @@ class SearchCourse:
         """The race of the next proposals; None where there are no more, or a budget says so."""
         if self.proposed and time.monotonic() > self.until:
             return None
-        count = min(self.search.round, self.search.trials - self.proposals.tried)
+        left = self.search.trials - self.proposals.tried
+        count = left if left <= self.search.round + 1 else self.search.round  # one cannot race
         each = self.search.episodes * self.units.episodes_each
         if self.budget is not None:
             count = min(count, int(SHARE * self.budget - self.taken) // each)
@@ -164,8 +165,8 @@ class SearchCourse:
         chosen = list(best.values())[:self.search.finalists]
         if len(chosen) < 2:
             return None
-        for found in chosen:
-            found.final = True
+        for found in self.proposed:  # one that was proposed twice is marked twice
+            found.final = best[found.label] in chosen
         left = None if self.budget is None else self.budget - self.taken
         seed = int(digest([self.plan.study.head.seed, "last race"])[:15], 16)
         note(f"{len(self.proposed)} proposals took {self.taken:,} episodes; the best "

@@ -25,6 +25,10 @@ class Verdict:
     """The winner's mean plus each entry's difference to it over the replicates of both; less is
     better, so the sign may be turned."""
     episodes: np.ndarray
+    failure_rate: np.ndarray
+    """Each entry's share of failed episodes."""
+    faults: dict[str, str]
+    """Of entries at fault, what the first of their episodes says."""
     last_rung: np.ndarray
     """The rung in which each entry last took episodes."""
     paired: float
@@ -79,7 +83,8 @@ def verdict_of(race: Race, units: RaceUnits) -> Verdict:
     return Verdict(tuple(entry.label for entry in units.entries), units.metric, units.over,
                    objects, race.rules, tuple(race.looks),
                    race.means[last.leader] + last.difference,
-                   count * units.episodes_each, race.last_rung.copy(),
+                   count * units.episodes_each, units.failure_rate, dict(units.faults),
+                   race.last_rung.copy(),
                    race.paired_over_unpaired,
                    equal_replicates(race.spread, last.leader, race.rules)
                    * len(count) * units.episodes_each)
@@ -160,7 +165,8 @@ def race_table(found: Verdict) -> TextTable:
         str(rank), found.labels[n], number_text(sign * float(found.means[n]), digits),
         number_text(float(last.difference[n]), digits),
         number_text(float(found.at_least[n]), digits), verdict_name(last, n),
-        str(found.last_rung[n]), str(found.episodes[n]))
+        str(found.last_rung[n]), str(found.episodes[n]),
+        number_text(float(found.failure_rate[n]), 4))
         for rank, n in enumerate(found.order, 1))
     return TextTable(("rank", "strategy", metric, "worse_by", "worse_by_at_least", "verdict",
-                      "last_rung", "n_episodes"), rows)
+                      "last_rung", "n_episodes", "failure_rate"), rows)

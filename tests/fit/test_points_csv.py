@@ -78,6 +78,7 @@ def test_metres_in_columns_of_millimetres_are_refused_unless_units_are_given(tmp
     ("x_mm,y_mm,z_mm\n1,2,?\n", "z_mm: '?' is not a number; write millimetres such as 42.5"),
     ("x_m,y_m,z_m,nx,ny,nz\n1,2,3,0,0,?\n", "nz: '?' is not a number; write a number such as"),
     ("x_m,y_m,z_m\n1,,3\nNA,5,6\n", "points.csv:2: no points"),
+    ("x_m,y_m,z_m,x_mm,y_mm,z_mm\n1,2,3,4,5,6\n", "x_m and x_mm: touches in two units"),
     ("x_m,y_m,z_m,nx\n1,2,3,0\n", "points.csv:1: nx: a normal needs all of nx, ny, nz"),
 ])
 def test_mistakes_name_the_line(tmp_path, text, said) -> None:

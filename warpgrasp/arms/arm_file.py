@@ -16,10 +16,10 @@ _DATA = Path(__file__).parent / "data"
 SHIPPED_ARMS = ("ur5e", "panda")
 _FARTHEST_M, _SHORTEST_M = 5.0, 0.1
 """Of a joint, base and flange from what is before; of all ways from joint to joint together."""
-_MOST_DEG, _LEAST_DEG, _FASTEST_DEG_S = 720.5, 12.6, 3600.0
-"""Of a joint either way; one at least turns farther than the second, two turns in radians."""
+_MOST_DEG, _LEAST_DEG, _FASTEST_DEG_S, _SLOWEST_DEG_S = 720.5, 12.6, 3600.0, 6.3
+"""Of a joint either way; one at least turns farther than the second, two turns in radians, and
+faster than the last, a turn a second in radians."""
 _Word = Annotated[str, Field(min_length=1, max_length=80)]
-_STILL = (0.0, 0.0, 0.0)
 
 
 class _Strict(BaseModel):
@@ -27,13 +27,13 @@ class _Strict(BaseModel):
 
 
 class _Place(_Strict):
-    xyz_mm: Vector = _STILL
-    rpy_deg: Vector = _STILL
+    xyz_mm: Vector
+    rpy_deg: Vector
 
 
 class _Joint(_Place):
     name: _Word
-    axis: Vector = (0.0, 0.0, 1.0)
+    axis: Vector
     limits_deg: tuple[float, float]
     speed_deg_s: float
 
@@ -41,8 +41,8 @@ class _Joint(_Place):
 class _Arm(_Strict):
     name: _Word
     source: str = ""
-    base: _Place = _Place()
-    flange: _Place = _Place()
+    base: _Place
+    flange: _Place
     home_deg: list[float]
     joint: list[_Joint]
 
@@ -124,6 +124,10 @@ def _check_lengths(file: str, arm: ArmModel) -> None:
     if length < _SHORTEST_M:  # false where a number is not finite, which is said of its joint
         raise ArmError(f"{file}: joint: the ways from joint to joint are {length * 1e3:.4g} mm "
                        f"together; should be {_SHORTEST_M * 1e3:g} mm at least: {UNITS_OF_FILES}")
+    fastest = max(math.degrees(joint.speed_rad_s) for joint in arm.joints)
+    if 0.0 < fastest < _SLOWEST_DEG_S:
+        raise ArmError(f"{file}: joint: the fastest turns by {fastest:.4g} deg/s; should be "
+                       f"{_SLOWEST_DEG_S:g} at least: {UNITS_OF_FILES}")
     widest = max(math.degrees(joint.high_rad - joint.low_rad) for joint in arm.joints)
     if 0.0 < widest < _LEAST_DEG:
         raise ArmError(f"{file}: joint: the one with the widest limits turns by {widest:.4g} deg; "

@@ -21,6 +21,10 @@ _NAMED = 4
 """Links that a note names at most."""
 _SLACK = 1e-9
 """By which a held joint may be beyond its limits [rad, m], as numbers are rounded."""
+_ON_AXIS_M, _ALIKE = 0.001, 0.999
+"""So near the last joint's axis a flange stands, and so near (cosine) its z axis is to it."""
+_FLANGE_M = 0.13
+"""A link farther out than this is no flange but the tip of a tool [est]."""
 _GRIPPER = re.compile("grip|finger|thumb|jaw|claw|knuckle")
 """In the names of joints, or of links that they move, that are a gripper's and not the arm's."""
 
@@ -31,9 +35,10 @@ def arm_from_urdf(
 ) -> tuple[ArmModel, tuple[str, ...]]:
     """An arm, and what was guessed, a sentence each.
 
-    The hand is mounted on the link `flange`, along its z axis; by default the first link after the
-    last joint that leads to all fingers, or after the last joint of the only chain of 6 or 7
-    joints, a gripper's joints left out. Joints in `held_deg_mm` stand still there [deg; mm of one
+    The hand is mounted on the link `flange`, along its z axis; by default beyond the last joint
+    that leads to all fingers, or the last joint of the only chain of 6 or 7 joints, a gripper's
+    joints left out, where the hand looks out of the arm along that joint's axis (`_mounting`).
+    Joints in `held_deg_mm` stand still there [deg; mm of one
     that slides]. `hand` is one whose palm's frame is that link's, as of a robot with arm and hand
     in one file: the flange then stands behind its grasp frame, by `HandTable`'s mount length.
     Home is in the middle of the limits. Raises HandError for a file that is no tree of joints,
@@ -48,11 +53,15 @@ def arm_from_urdf(
     if idle := held.keys() - {joint.name for joint in tree.path(link)}:
         raise ArmError(f"{file}: hold: joint {min(idle)} is not before link {link}, which carries "
                        "the hand: where it stands changes nothing; leave it out")
-    notes = []
+    notes, turned = [], ""
+    mount = np.eye(4)
     if flange is None:
+        if hand is None:
+            link, mount, turned = _mounting(tree, link)
         beyond = [name for name in tree.links if link in {j.parent for j in tree.path(name)}]
         more = f" and {len(beyond) - _NAMED} more" if len(beyond) > _NAMED else ""
         left = f"; {', '.join(beyond[:_NAMED])}{more} beyond it left out" if beyond else ""
+        left += turned
         notes.append(f"link {link} carries the hand, the last of the only chain of 6 or "
                      f"{ARM_JOINTS} joints{left}; --flange names another link")
     joints, before = [], np.eye(4)
@@ -77,11 +86,12 @@ def arm_from_urdf(
     if not 6 <= len(joints) <= ARM_JOINTS:
         raise ArmError(f"{file}: {len(joints)} joints lead to link {link}; should be 6 or "
                        f"{ARM_JOINTS}; --flange names another link, --hold holds a joint")
+    before = before @ mount
     if hand is not None:
-        mount = HandTable().mount_length_m
-        before = before @ matrix_of(hand.grasp_frame) @ _along(np.array([0.0, 0.0, -mount]))
+        behind = HandTable().mount_length_m
+        before = before @ matrix_of(hand.grasp_frame) @ _along(np.array([0.0, 0.0, -behind]))
         notes.append(f"the palm's frame of hand {hand.name} is that of link {link}; the flange is "
-                     f"{mount * 1e3:g} mm (hand.mount_length_mm) behind its grasp frame")
+                     f"{behind * 1e3:g} mm (hand.mount_length_mm) behind its grasp frame")
     xyz, rpy = _place(before)
     notes.append("home is in the middle of the joints' limits, and the base stands at the origin")
     home = tuple(min(max(0.0, joint.low_rad), joint.high_rad)
@@ -116,6 +126,45 @@ def _flange(tree: UrdfTree, held: Mapping[str, float]) -> str:
         raise ArmError(f"{tree.file}: {what} of 6 or {ARM_JOINTS} joints; --flange should name the "
                        "link that carries the hand")
     return longest[0]
+
+
+def _mounting(tree: UrdfTree, link: str) -> tuple[str, np.ndarray, str]:
+    """The link that carries the hand of an arm whose last joint moves `link`, the flange's frame
+    (4, 4) in that link's, and what a note says of it.
+
+    A hand looks out of the arm along the axis of the last joint: to where what is beyond it lies,
+    or away from the joint before. So it is carried by the first link fixed to `link` that stands on
+    this axis farther out, with its z axis along it; else by `link` itself, turned that way.
+    """
+    path = [joint for joint in tree.path(link) if joint.turns]
+    frames, fixed, beyond = {link: np.eye(4)}, [link], tree.children(link)
+    for joint in beyond:
+        frames[joint.child] = frames[joint.parent] @ joint.origin
+        beyond += tree.children(joint.child)  # looked at in turn
+        if joint.kind == "fixed" and joint.parent in fixed and not _GRIPPER.search(joint.child):
+            fixed.append(joint.child)
+    axis, before = path[-1].axis, np.eye(4)
+    for joint in tree.path(link)[::-1]:
+        if joint is path[-2]:
+            break
+        before = joint.origin @ before
+    ways = [float(axis @ frame[:3, 3]) for frame in frames.values()]
+    way = max(ways, key=abs)
+    if abs(way) < _ON_AXIS_M:
+        way = float(axis @ before[:3, :3].T @ before[:3, 3])
+    if abs(way) < _ON_AXIS_M:
+        return link, np.eye(4), ""
+    out = math.copysign(1.0, way) * axis
+    along = [name for name in fixed if frames[name][:3, 2] @ out > _ALIKE and np.linalg.norm(
+        np.cross(frames[name][:3, 3], out)) < _ON_AXIS_M]
+    farther = [name for name in along if _ON_AXIS_M < frames[name][:3, 3] @ out < _FLANGE_M]
+    along = [name for name in along if abs(frames[name][:3, 3] @ out) < _ON_AXIS_M]
+    for name in farther or along:
+        return name, np.eye(4), ""
+    turn = np.eye(4)
+    turn[:3, :3] = Rotation.align_vectors(out[None], np.array([[0.0, 0.0, 1.0]]))[0].as_matrix()
+    return link, turn, ("; its z axis does not lead out of the arm, and the flange is turned from "
+                        "it: a guess")
 
 
 def _of_arm(path: Sequence[UrdfJoint], held: Mapping[str, float]) -> list[UrdfJoint]:

@@ -14,6 +14,7 @@ from warpgrasp.geometry.scene import Join, Shape
 
 _SIDES = 64
 _HOLLOW = 5e-3  # share of a body's volume that its hull may have filled
+_INSTEAD = "export a mesh of it, which MuJoCo needs in convex pieces (CoACD makes them)"
 _NONE = np.zeros((0, 3))
 
 
@@ -42,7 +43,7 @@ def object_solids(
     """
     if any(part.join != Join.UNION for part in body.parts):
         raise BodyError(f"{body.name}: MJCF and URDF know no difference or intersection of solids; "
-                        "export a mesh of it")
+                        f"{_INSTEAD}")
     solids: list[Solid] = []
     for part in body.parts:
         solids += _part_solids(body.name, part, triangles)
@@ -74,6 +75,13 @@ def _part_solids(
     return [Solid("mesh", (), part.place, *triangles)]
 
 
+def hull_excess(solid: Solid) -> float:
+    """By what share of its volume the convex hull of a mesh is larger than the mesh, 0 within
+    `_HOLLOW`: MuJoCo and most simulators touch the hull."""
+    share = _volume(_hull(solid.vertices, solid.place)) / _volume(solid) - 1.0
+    return share if share > _HOLLOW else 0.0
+
+
 def convex_runs(profile: np.ndarray) -> list[np.ndarray]:
     """A radius profile (z, r) cut into the longest runs from below whose solids are convex."""
     slope = np.diff(profile[:, 1]) / np.diff(profile[:, 0])
@@ -95,7 +103,7 @@ def _rings(profile: np.ndarray) -> np.ndarray:
 def _superquadric(name: str, part: Part) -> Solid:
     a1, a2, a3, e1, e2, kx, ky, bend, _ = part.superquadric
     if bend > 0.0:
-        raise BodyError(f"{name}: a bent superquadric is not convex; export a mesh of it")
+        raise BodyError(f"{name}: a bent superquadric is not convex; {_INSTEAD}")
     if (e1, e2, kx, ky) == (1.0, 1.0, 0.0, 0.0):
         return Solid("ellipsoid", (a1, a2, a3), part.place)
     u, v = np.meshgrid(np.linspace(-1, 1, 65), np.linspace(-1, 1, 129), indexing="ij")
@@ -105,12 +113,13 @@ def _superquadric(name: str, part: Part) -> Solid:
     z = np.sign(s) * np.abs(s) ** e1
     points = np.stack([a1 * x * (1 + kx * z), a2 * y * (1 + ky * z), a3 * z], -1)
     solid = _hull(points.reshape(-1, 3), part.place)
-    if _hull_volume(solid) > (1.0 + _HOLLOW) * _ring_volume(points):
-        raise BodyError(f"{name}: a superquadric of this taper is not convex; export a mesh of it")
+    if _volume(solid) > (1.0 + _HOLLOW) * _ring_volume(points):
+        raise BodyError(f"{name}: a superquadric of this taper is not convex; "
+                        f"{_INSTEAD}")
     return solid
 
 
-def _hull_volume(solid: Solid) -> float:
+def _volume(solid: Solid) -> float:
     return float(np.linalg.det(solid.vertices[solid.faces]).sum()) / 6.0
 
 

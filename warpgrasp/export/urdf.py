@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 from warpgrasp.export.convex_solids import Solid
 from warpgrasp.export.robot_tree import BALL_M, DENSITY_KG_M3, STILL, Link
 from warpgrasp.hands.hand_frames import fixed_angles
-from warpgrasp.hands.hand_model import Box, Capsule
+from warpgrasp.hands.hand_model import Capsule
 from warpgrasp.hands.urdf_tree import NO_LIMIT_NM
 
 _SPEED = 10.0  # of a joint whose speed is not known [rad/s, est]: URDF requires it
@@ -27,7 +27,7 @@ def urdf_text(
     meshes: dict[str, str] = {}
     lines = [f"<robot name={quoteattr(name)}>", '  <link name="world"/>']
     for link in links:
-        lines += [f'  <link name="{link.name}">', *_inertial(link.capsules, link.boxes)]
+        lines += [f'  <link name="{link.name}">', *_inertial(link)]
         for capsule in link.capsules:
             for role in ("visual", "collision") if link.touches else ("visual",):
                 lines += _capsule(capsule, role)
@@ -118,11 +118,14 @@ def _obj(solid: Solid) -> str:
     return "\n".join([*rows, *(f"f {a + 1} {b + 1} {c + 1}" for a, b, c in solid.faces), ""])
 
 
-def _inertial(capsules: Sequence[Capsule], boxes: Sequence[Box]) -> list[str]:
-    """Mass and inertia of solid boxes, and of capsules as cylinders with balls at their ends."""
+def _inertial(link: Link) -> list[str]:
+    """Mass and inertia of solid boxes, and of capsules as cylinders with balls at their ends; a
+    moving link without shapes has some mass, as readers require."""
+    capsules, boxes = link.capsules, link.boxes
     if not capsules and not boxes:
-        return ['    <inertial><mass value="0.001"/><inertia ixx="1e-7" ixy="0" ixz="0" '
-                'iyy="1e-7" iyz="0" izz="1e-7"/></inertial>']
+        return [] if link.joint is None else [
+            '    <inertial><mass value="0.001"/><inertia ixx="1e-7" ixy="0" ixz="0" iyy="1e-7" '
+            'iyz="0" izz="1e-7"/></inertial>']
     parts = []
     for box in boxes:
         size, turn = np.asarray(box.size), Rotation.from_quat(box.place[3:]).as_matrix()

@@ -141,9 +141,9 @@ def _check_finger(finger: Finger) -> None:
             raise HandError(f"joint {joint.name}: axis of length "
                             f"{np.linalg.norm(joint.axis):.4g}; should be 1")
         if not joint.low_rad < joint.high_rad:
-            raise HandError(f"joint {joint.name}: limits {joint.low_rad:.4g} to "
-                            f"{joint.high_rad:.4g} rad; the lower one should be less than the "
-                            "upper one")
+            raise HandError(f"joint {joint.name}: limits {math.degrees(joint.low_rad):.4g} to "
+                            f"{math.degrees(joint.high_rad):.4g} deg; the lower one should be "
+                            "less than the upper one")
         if joint.stiffness_Nm_rad <= 0.0:
             raise HandError(f"joint {joint.name}: stiffness {joint.stiffness_Nm_rad:g}; should be "
                             "more than 0")
@@ -166,6 +166,9 @@ def _check_finger(finger: Finger) -> None:
             raise HandError(f"joint {after.name}: its axis is {apart * 1e3:.3g} mm from that of "
                             f"joint {joint.name}, as both point the same way; should be "
                             f"{_LEAST_LINK_M * 1e3:g} mm from it at least: {UNITS_OF_FILES}")
+    if not any(joint.shapes for joint in finger.joints):
+        raise HandError(f"finger {finger.name}: none of its links has a collision shape; should "
+                        "have a capsule or a box at least on the last")
     off = float(np.linalg.norm(finger.tip_m))
     if off < _LEAST_LINK_M:
         raise HandError(f"finger {finger.name}: its tip lies on its last joint "
@@ -173,9 +176,6 @@ def _check_finger(finger: Finger) -> None:
                         "length, or no tip; should be named, apart from the joint")
     _check_near(f"finger {finger.name}: its tip", finger.tip_m, f"joint {finger.joints[-1].name}",
                 _MOST_LINK_M)
-    if not any(joint.shapes for joint in finger.joints):
-        raise HandError(f"finger {finger.name}: none of its links has a collision shape; should "
-                        "have a capsule or a box at least on the last")
     for joint in finger.joints:
         _check_shapes(f"joint {joint.name}", joint.shapes, _MOST_LINK_M)
     far = min((_distance(shape, finger.tip_m) for shape in finger.joints[-1].shapes), default=0.0)

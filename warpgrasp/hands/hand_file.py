@@ -87,7 +87,7 @@ class _PadSize(_Strict):
     width_mm: float = Field(gt=0.0)
     length_mm: float = Field(gt=0.0)
     wrap_deg: float = Field(ge=0.0, le=90.0)
-    thickness_mm: float = Field(gt=0.0)
+    thickness_mm: float = Field(gt=0.0, le=50.0)
 
 
 class _Extended(_Strict):

@@ -3,6 +3,7 @@
 Hands and arms are read by it; what they mean is checked by their own rooms.
 """
 
+import json
 import tomllib
 from collections.abc import Sequence
 from difflib import get_close_matches
@@ -36,7 +37,8 @@ def read_strict(
     given: Any = None
     try:
         given = tomllib.loads(raw.decode("utf-8-sig"))  # of Windows editors, too
-        return table.model_validate(given)
+        # As JSON, where a strict table takes lists for tuples, but no text or boolean for a number.
+        return table.model_validate_json(json.dumps(given, default=str), strict=True)
     except ValidationError as error:
         raise error_type("\n".join(
             f"{file}: {place_of_element(e['loc'], given)}: {e['msg'][:1].lower()}{e['msg'][1:]}"

@@ -3,6 +3,7 @@ end as capsules, other cylinders and meshes as fitted capsules, or as boxes wher
 """
 
 import math
+import re
 from pathlib import Path
 from typing import Any
 
@@ -61,6 +62,9 @@ def shapes_of(file: Path, link: Any, frame: np.ndarray) -> list[tuple[Shape, Cap
         else:
             mesh = geometry.mesh
             scale = 1.0 if mesh.scale is None else np.asarray(mesh.scale, float)
+            if not np.isfinite(scale).all():
+                raise HandError(f"{where}: mesh {mesh.filename}: its scale is not finite; should "
+                                "be")
             vertices = _vertices(where, file, mesh.filename) * scale
             if (size := float(np.ptp(vertices, axis=0).max())) > MOST_SHAPE_M:
                 raise HandError(f"{where}: mesh {mesh.filename} is {size:.4g} m long; should be "
@@ -121,26 +125,36 @@ def _vertices(where: str, urdf: Path, name: str) -> np.ndarray:
         raise HandError(f"{where}: mesh {name} is missing; should be a file, its path relative to "
                         f"{urdf.parent}")
     try:
-        mesh = trimesh.load(path, force="mesh", process=False)
-        vertices = np.asarray(mesh.vertices, float)  # type: ignore[union-attr]
+        mesh: Any = trimesh.load(path, force="mesh", process=False)
+        if mesh.units is not None:  # of COLLADA, which says how long its unit is
+            mesh.convert_units("meters")
+        mesh.remove_unreferenced_vertices()
+        vertices = np.asarray(mesh.vertices, float)
     except Exception as error:  # whatever a reader of meshes comes upon
-        raise HandError(f"{where}: mesh {name} cannot be read: {error}; should be STL, OBJ or "
-                        "PLY") from None
+        raise HandError(f"{where}: mesh {name} cannot be read: {error}; should be STL, OBJ, "
+                        "PLY or DAE") from None
     if len(vertices) < 4 or not np.isfinite(vertices).all():
         raise HandError(f"{where}: mesh {name} has {len(vertices)} vertices; should be at least 4")
     return vertices
 
 
 def _mesh_path(urdf: Path, name: str) -> Path | None:
-    """A mesh's file: relative to the URDF, or of a package, sought in the folders above it."""
+    """A mesh's file: relative to the URDF, or of a package, sought in the folders above it. Where
+    none has its package's name, a folder may be the package under another name."""
     plain = name.removeprefix("file://")
     if not name.startswith("package://"):
         path = urdf.parent / plain
         return path if path.is_file() else None
     whole = name.removeprefix("package://")
-    inner = whole.partition("/")[2]
-    for folder in [urdf.parent, *urdf.resolve().parents]:
-        for path in (folder / whole, folder / inner):
-            if path.is_file():
-                return path
-    return None
+    package, _, inner = whole.partition("/")
+    above = [urdf.parent, *urdf.resolve().parents]
+    renamed = [folder for folder in above if not _is_another(folder, package)]
+    paths = [*(folder / whole for folder in above), *(folder / inner for folder in renamed)]
+    return next((path for path in paths if path.is_file()), None)
+
+
+def _is_another(folder: Path, package: str) -> bool:
+    """Whether a folder is a ROS package of another name."""
+    manifest = folder / "package.xml"
+    return manifest.is_file() and not re.search(
+        rf"<name>\s*{re.escape(package)}\s*</name>", manifest.read_text(errors="replace"))

@@ -3,6 +3,7 @@
 Raises HandError naming the file, the element, and what would be right.
 """
 
+import difflib
 import math
 import xml.etree.ElementTree as ET
 from collections.abc import Sequence
@@ -28,6 +29,13 @@ _NUMBERS = {"origin": ("xyz", "rpy"), "axis": ("xyz",), "mimic": ("multiplier", 
 _READ = ("visual", "collision", "inertial", "origin", "axis", "limit", "mimic", "parent", "child",
          "dynamics")
 """Elements within them that are read; others are of other programs."""
+_WORDS = {"link": ("collision",), "joint": ("origin", "axis", "limit", "mimic", "parent", "child"),
+          "collision": ("origin", "geometry"), "limit": ("lower", "upper", "effort", "velocity"),
+          "mimic": ("joint", "multiplier", "offset"), "origin": ("xyz", "rpy"), "axis": ("xyz",),
+          "mesh": ("filename", "scale")}
+"""What is read within elements, if it is there: elements or attributes that may be misspelt."""
+_ALIKE = 0.8
+"""How alike (`difflib`) a word is to one of them that it is taken to stand for."""
 _COUNTS = {"xyz": (3,), "rpy": (3,), "size": (3,), "scale": (1, 3)}
 """How many numbers an attribute has, if not one."""
 _SAMPLES = {"robot": {"name": "my_hand"}, "link": {"name": "palm"},
@@ -156,6 +164,10 @@ def _parsed(file: Path) -> Any:
     except ET.ParseError as error:
         raise HandError(f"{file}: is not XML: {error}; should be a URDF file (a xacro file is made "
                         "one by `xacro FILE`)") from None
+    for element in root.iter():
+        if "xacro" in element.tag.partition("}")[0]:
+            raise HandError(f"{file}: has a <xacro:{element.tag.rpartition('}')[2]}>; should be a "
+                            "URDF, which `xacro FILE` makes of it")
     if root.tag != "robot":
         raise HandError(f"{file}: begins with <{root.tag}>; should be a URDF, which begins with "
                         "<robot>")
@@ -191,6 +203,11 @@ def _check_element(where: str, part: ET.Element) -> None:
             like = " ".join(f'{k}="{v}"' for k, v in sample.items())
             raise HandError(f"{where}: <{part.tag}> without {key}; should have it, as in "
                             f"<{part.tag} {like}>")
+    known = _WORDS.get(part.tag, ())
+    for word in [*part.keys(), *(inner.tag for inner in part)]:
+        meant = difflib.get_close_matches(word, known, 1, _ALIKE)
+        if meant and word not in known:
+            raise HandError(f"{where}: <{part.tag}> with {word}; did you mean {meant[0]}?")
     name = part.get("name", "") if part.tag in ("robot", "joint") else ""
     if len(name) > _LONGEST or not name.isprintable():
         raise HandError(f"{where}: its name has {len(name)} characters; should have at most "

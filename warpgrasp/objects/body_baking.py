@@ -58,6 +58,8 @@ def check_walls(body: Body) -> None:
         return
     _, rough = _nodes_for(body)
     vertices, _ = body_mesh(body, _CELLS)
+    if len(vertices) == 0:
+        raise _too_thin(body, rough.parts[0].grid_cell_m)
     reach = np.concatenate([vertices.min(0) - body.low_m, body.high_m - vertices.max(0)])
     cell = rough.parts[0].grid_cell_m
     if reach.max() > cell or (_distance(rough, vertices) > _THIN * cell).mean() > _SHARE_THIN:

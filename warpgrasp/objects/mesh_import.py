@@ -123,12 +123,16 @@ def _read_checked(path: Path, content: bytes, units: str) -> tuple[np.ndarray, n
     _check_declared_faces(path, kind, content)
     if kind == "off":
         content = _fanned(content)
+    elif kind == "obj":
+        content = content.replace(b"\t", b" ")
     try:  # from memory: files that a mesh names beside itself (materials, textures) stay closed
         mesh = trimesh.load_mesh(io.BytesIO(content), file_type=kind, process=False)
     except Exception as error:  # any reader's failure is the file's fault here
         reason = str(error).strip().split("\n")[0] or type(error).__name__
+        polygons = ("; all faces of a binary PLY need as many corners: make triangles of polygons "
+                    "first" if kind == "ply" else "")
         raise BodyError(f"{path}: not a mesh that can be read ({reason}); STL, OBJ, PLY and OFF "
-                        "files are") from None
+                        f"files are{polygons}") from None
     if not isinstance(mesh, trimesh.Trimesh) or len(mesh.faces) == 0:
         _check_length(path, kind, content)
         raise BodyError(f"{path}: no faces in it; a closed surface of triangles is wanted")
@@ -220,7 +224,7 @@ def _check_declared_faces(path: Path, kind: str, content: bytes) -> None:
             words = line.split()
             if len(words) == 3 and words[0] == b"element":
                 declared = max(declared, _count(words[2]))
-    elif kind == "stl" and len(head) >= 84 and not head.startswith(b"solid"):
+    elif kind == "stl" and len(head) >= 84 and head[:5].lower() != b"solid":
         declared = int.from_bytes(head[80:84], "little")
     elif kind == "off":
         words = [word for line in head.split(b"\n") for word in line.partition(b"#")[0].split()]

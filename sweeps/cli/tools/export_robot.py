@@ -3,7 +3,7 @@ simulators."""
 
 from pathlib import Path
 
-from sweeps.output import init_warp, quiet_stdout
+from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.result_file import check_result, write_result
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
@@ -36,7 +36,7 @@ def _files(
     file: Path, kind: str, arm: str | None, what: str | None, units: str | None, hand_word: str
 ) -> dict[Path, str]:
     from warpgrasp.chain.chain_hand import hand_of_kind
-    from warpgrasp.export.convex_solids import object_solids
+    from warpgrasp.export.convex_solids import hull_excess, object_solids
     from warpgrasp.export.mjcf import mjcf_text
     from warpgrasp.export.model_tree import arm_model_tree, hand_model_tree
     from warpgrasp.export.robot_tree import STILL, arm_hand_tree, hand_tree
@@ -62,6 +62,9 @@ def _files(
         else:  # a member of a family
             body = body_from_table(table, Path())
         solids, top = object_solids(body, triangles), body.high_m[2]
+        if triangles is not None and (excess := hull_excess(solids[0])):
+            note(f"{what}: is not convex, and its convex hull is {excess:.0%} larger: MuJoCo and "
+                 "most simulators touch the hull; cut it into convex pieces for them (CoACD)")
     if arm:
         carries = ArmTable(kind=arm)
         links = (arm_hand_tree(carries, hand, pads) if model is None

@@ -104,15 +104,22 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
 
 
 def plane_advice(sets: PointSets, found: PlaneFit) -> list[str]:
-    """Notes of planes whose normals their touches tell badly: along a line, in two places, few."""
+    """Notes of planes that their touches lie far off, and of those whose normals they tell badly:
+    along a line, in two places, few."""
+    notes = []
+    if poor := _poor(sets.names, found):
+        notes.append(f"{_POOR}: {named(poor)}; the touches may be of several faces, or of one that "
+                     "is not flat")
     known = np.isfinite(found.covariance).all(axis=(1, 2))
     turns = np.where(np.isfinite(found.covariance), found.covariance, 0.0)[:, :2, :2]
     deviation = np.sqrt(np.maximum(np.linalg.eigvalsh(turns)[:, -1], 0.0))
     wide = np.where(known, NORMAL_90 * np.degrees(deviation), 90.0) > VAGUE_DEG
     vague = [name for name, is_vague in zip(sets.names, wide & is_fitted(found.status),
                                             strict=True) if is_vague]
-    return [f"touches are few, or too close to a line for their errors, so that normals may err by "
-            f"{VAGUE_DEG:g} degrees and more: {named(vague)}"] if vague else []
+    if vague:
+        notes.append("touches are few, or too close to a line for their errors, so that normals "
+                     f"may err by {VAGUE_DEG:g} degrees and more: {named(vague)}")
+    return notes
 
 
 def free_form_advice(names: tuple[str, ...], found: FreeForms) -> list[str]:
@@ -148,7 +155,7 @@ def _mm(length_m: float) -> str:
     return f"{1e3 * length_m:.0f} mm" if length_m >= 0.01 else f"{1e3 * length_m:.2g} mm"
 
 
-def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit | FreeForms
+def _poor(names: tuple[str, ...], found: SuperquadricFit | RevolutionFit | FreeForms | PlaneFit
           ) -> list[str]:
     """Sets that did not converge or whose touches lie far off, with their rms."""
     return [f"{name} ({_mm(rms)})" for name, rms, status in

@@ -11,6 +11,7 @@ import pytest
 from studies import SMALL, fill, plan_of
 
 from sweeps.analysis import leaderboard
+from sweeps.analysis.confusion import read_confusion
 from sweeps.analysis.entries import LeaderboardError
 from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.analysis.paired import read_paired
@@ -18,6 +19,7 @@ from sweeps.analysis.pairs import pairs_table
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
+from warpgrasp.objects.catalogue_names import NO_ANSWER
 from warpgrasp.parameters import SensorTable
 
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
@@ -172,6 +174,27 @@ def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
         assert row["chamfer_mm"] == row["chamfer_mm_ci_low"] == "2.000"
         assert row["iou"] == "NA"
         assert row["p_best"] == "0.500"
+
+
+def test_failing_is_neither_cheap_nor_left_out(tmp_path: Path) -> None:
+    """A strategy at fault from the start costs as much as any, and has named no object rightly."""
+    @fake_episodes.cell_by_cell
+    def some(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        fails = cell.strategy.name == "mine"
+        return {"status": np.full(len(episodes), "strategy_failed" if fails else "ok"),
+                "robot_time_s": np.full(len(episodes), 0.0 if fails else 20.0),
+                "recognized_as": np.full(len(episodes), "" if fails else cell.object_name),
+                "recognized": np.full(len(episodes), not fails)}
+
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan, some)
+    found = {row["strategy"]: row for row in rows_of(
+        make_leaderboard(plan, [store], metric="robot_time_s"))}
+    assert found["mine"]["robot_time_s"] == found["ring6"]["robot_time_s"] == "20.000"
+    assert found["mine"]["recognized"] == "0.0000"
+    assert found["ring6"]["recognized"] == "1.0000"
+    told = read_confusion(plan, [store])
+    assert told.counts["mine", "block"] == {NO_ANSWER: told.counts["ring6", "block"]["block"]}
 
 
 def test_a_setting_that_changes_nothing_leaves_the_intervals(tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from fit.fit_status import FitStatus
+from fit.plane import fit_plane
 from fit.point_sets import PointSets
 from fit.revolution.record import RevolutionFit
 from fit.superquadric import uncertainty
@@ -16,6 +17,7 @@ from fit.superquadric.record import SuperquadricFit
 from sweeps.cli.tools.fit_advice import (
     WIDE_FACTOR,
     _open_turn_rad,
+    plane_advice,
     revolution_advice,
     vague_superquadrics,
 )
@@ -48,6 +50,14 @@ def test_a_body_may_end_beyond_its_touches_at_either_end_but_on_a_table(
         "height_m": np.array([0.1]), "status": np.array([FitStatus.converged])})
     said = revolution_advice(one_set(touches), found, table_z_m=table_z_m)
     assert [line.rsplit(": ", 1)[1] for line in said] == [f"a ({beyond_mm} mm)"] * bool(beyond_mm)
+
+
+@pytest.mark.parametrize("rise_m", [0.0, 0.03])
+def test_planes_that_touches_lie_far_off_are_told(rise_m: float) -> None:
+    x, y = (v.ravel() for v in np.meshgrid(*[np.linspace(-0.05, 0.05, 9)] * 2))
+    touches = np.stack([x, y, rise_m * (x / 0.05) ** 2], 1)
+    said = plane_advice(one_set(touches), fit_plane(touches[None]))
+    assert [("off (rms): a (" in line) for line in said] == [True] * (rise_m > 0.0)
 
 
 @pytest.mark.parametrize("length", [0.1, 1.0, 50.0])

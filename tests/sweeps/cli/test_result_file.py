@@ -108,3 +108,19 @@ def test_a_place_that_is_missing_is_told_before_the_study_is_read(
     monkeypatch.setattr(commands, "make_leaderboard", lambda *given: pytest.fail("read"))
     assert cli.run(["leaderboard", str(study), "-o", str(tmp_path / "none/a.csv")]) == 2
     assert f"cannot be written: there is no folder {tmp_path / 'none'}" in capsys.readouterr().err
+
+
+def test_what_a_link_stands_for_is_written_and_a_pipe_stays_one(
+        study: Path, tmp_path: Path) -> None:
+    board, link, pipe = tmp_path / "board.csv", tmp_path / "link.csv", tmp_path / "pipe"
+    link.symlink_to(board)
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    for file in (link, pipe):
+        assert cli.run(["leaderboard", str(study), "-o", str(file)]) == 0
+    assert link.is_symlink()
+    assert pipe.is_fifo()
+    assert os.read(reader, 1 << 16) == board.read_bytes()
+    os.close(reader)
+    (tmp_path / "spec.csv").symlink_to(study / "spec.toml")
+    assert study_of_file(tmp_path / "spec.csv") is not None

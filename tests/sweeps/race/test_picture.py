@@ -34,7 +34,8 @@ def verdict(entries: int, rules: Rules, metric: str = "chamfer_mm") -> Verdict:
                    f"sensors.tendon_threshold_N={n}]" for n in range(entries))
     last = race.looks[-1]
     return Verdict(labels, metric, "these", 6, rules, tuple(race.looks),
-                   race.means[last.leader] + last.difference, race.count * 6, race.last_rung,
+                   race.means[last.leader] + last.difference, race.count * 6,
+                   np.zeros(len(labels)), {}, race.last_rung,
                    race.paired_over_unpaired, 1e5)
 
 

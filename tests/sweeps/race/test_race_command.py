@@ -84,6 +84,16 @@ def test_a_race_from_the_spec_to_the_sentence(whole: tuple[Path, str],
         unit.stop - unit.start for unit in units_there(plan, out))
 
 
+def test_who_fails_is_told(tmp_path: Path, capsys: pytest.CaptureFixture[str],
+                           monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:faulty_episodes")
+    race(write_spec(tmp_path, SPEC), tmp_path / "out")
+    assert "strategy horse failed: no horse knows how" in capsys.readouterr().err
+    shares = {row["strategy"]: float(row["failure_rate"]) for row in rows(tmp_path / "out")}
+    assert shares.pop("horse") == 1.0
+    assert max(shares.values()) < 1.0
+
+
 def test_a_mean_is_that_of_the_rows(tmp_path: Path) -> None:
     out = tmp_path / "out"
     assert race(write_spec(tmp_path, SPEC), out, "--metric", "robot_time_s", within="0.5") == 0

@@ -181,6 +181,16 @@ def test_entries_proposed_again_count_once_against_the_budget(
     assert "rounds took 32 episodes" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize(("trials", "rounds"), [(9, [4, 5]), (5, [2, 3])])
+def test_a_last_trial_joins_the_round_before(tmp_path: Path, trials: int, rounds: list[int]
+                                             ) -> None:
+    text = SPEC.replace("trials = 12", f"trials = {trials}").replace(
+        "round = 6", f"round = {rounds[0]}")
+    assert search(write_spec(tmp_path, text), tmp_path / "out") == 0
+    found = [row["round"] for row in rows(tmp_path / "out/search.csv")]
+    assert [found.count(number) for number in ("1", "2", "3")] == [*rounds, 0]
+
+
 def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text = (ONE + '"strategy.count" = { low = 5, high = 6, step = 2 }\n'
             '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [6] } }')

@@ -92,6 +92,8 @@ def test_the_only_chain_of_six_or_seven_joints_is_the_arm(tmp_path: Path) -> Non
 @pytest.mark.parametrize(("old", "new", "message"), [
     ("limits_deg = [-180.0, 180.0]", "limits_deg = [180.0, -180.0]", "the first should be less"),
     ("speed_deg_s = 180.0", "speed_deg_s = 0.0", "should be above 0"),
+    ("axis = [0.0, 0.0, 1.0]", "", "axis"), ("xyz_mm = [-425.0, 0.0, 0.0]", "", "xyz_mm"),
+    ("[flange]", "[unknown]", "flange"),
     ("home_deg = [-20.0, ", "home_deg = [", "should be one for each of the 6 joints"),
     ("home_deg = [-20.0, ", "home_deg = [400.0, ", "is not within its limits"),
     ("xyz_mm = [-425.0, 0.0, 0.0]", "xyz_mm = [-42500.0, 0.0, 0.0]",
@@ -129,6 +131,42 @@ def test_metres_and_radians_are_told(key: str, by: float, message: str, tmp_path
         r"-?[\d.]+", lambda v: repr(float(v[0]) / by), found[1]), text, flags=re.MULTILINE))
     with pytest.raises(ArmError, match=re.escape(message)):
         arm_from_file(file)
+
+
+def fixed(child: str, origin: str) -> str:
+    return (f'<link name="{child}"/><joint name="to_{child}" type="fixed"><parent link="l6"/>'
+            f'<child link="{child}"/><origin {origin}/></joint></robot>')
+
+
+@pytest.mark.parametrize(("last", "beyond", "carries", "out"), [
+    ('rpy="1.5 0 0"/><axis xyz="0 1 0"/>', fixed("tool0", 'xyz="0 0.08 0" rpy="-1.5707963 0 0"'),
+     "tool0", (0, 1, 0)),
+    ('rpy="1.5 0 0"/><axis xyz="0 0 1"/>', fixed("ee", 'xyz="0 0 -0.06" rpy="3.1415927 0 0"'),
+     "ee", (0, 0, -1)),
+    ('rpy="0 1.5707963 0"/><axis xyz="1 0 0"/>', "</robot>", "l6", (-1, 0, 0)),
+    ('rpy="1.5 0 0"/><axis xyz="0 0 1"/>', fixed("tip", 'xyz="0 0 0.2"'), "l6", (0, 0, 1)),
+    ('rpy="0 0 0"/><axis xyz="0 0 1"/>', fixed("camera", 'xyz="0.04 0 0.05"'), "l6", (0, 0, 1)),
+])
+def test_a_hand_looks_out_of_the_arm_along_its_last_joint(
+        last: str, beyond: str, carries: str, out: tuple[int, ...], tmp_path: Path) -> None:
+    """Flanges on the axis of the last joint: beside the link, behind it, a link that looks across;
+    a tool's tip and a camera are none."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "arm.urdf"
+    before = chain(6).rpartition('rpy="1.5 0 0"/><axis xyz="0 0 1"/>')
+    file.write_text((before[0] + last + before[2]).replace("</robot>", beyond))
+    model, notes = arm_from_urdf(file)
+    assert notes[0].startswith(f"link {carries} carries the hand")
+    assert ("turned" in notes[0]) == (out == (-1, 0, 0))
+    looks = Rotation.from_euler("xyz", model.flange_rpy_rad).as_matrix()[:, 2]
+    assert looks == pytest.approx(out, abs=1e-6)
+
+
+def test_speeds_in_radians_are_told() -> None:
+    model = arm_named("ur5e")
+    slow = tuple(replace(j, speed_rad_s=np.radians(j.speed_rad_s)) for j in model.joints)
+    with pytest.raises(ArmError, match=r"the fastest turns by 3\.142 deg/s; should be 6\.3"):
+        check_arm("mine", replace(model, joints=slow))
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:

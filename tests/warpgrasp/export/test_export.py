@@ -11,6 +11,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.transform import Rotation
 
 from fit.superquadric.geometry import superquadric, superquadric_volume
+from sweeps.cli import main as cli
 from warpgrasp.export.convex_solids import convex_runs, object_solids
 from warpgrasp.export.mjcf import mjcf_text
 from warpgrasp.export.robot_tree import FINGERS, STILL, Link, arm_hand_tree, hand_tree
@@ -231,6 +232,28 @@ def test_what_cannot_be_said_is_refused(tmp_path) -> None:
         "size_mm": [20, 20, 60], "exponents": [0.5, 1.0], "bend_per_m": 5.0}}, tmp_path)
     with pytest.raises(BodyError, match="bent"):
         object_solids(hook)
+
+
+def test_hulls_larger_than_their_mesh_are_told(tmp_path: Path,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    posts = [trimesh.creation.box([0.02, 0.02, 0.1], trimesh.transformations.translation_matrix(at))
+             for at in ([0.05, 0.0, 0.0], [-0.05, 0.0, 0.0])]
+    trimesh.util.concatenate(posts).export(tmp_path / "posts.stl")
+    posts[0].export(tmp_path / "post.stl")
+    for name, said in (("posts", "its convex hull is 200% larger"), ("post", "")):
+        assert cli.run(["export", str(tmp_path / f"{name}.xml"), "--object",
+                        str(tmp_path / f"{name}.stl"), "--units", "m"]) == 0
+        told = capsys.readouterr().err
+        assert said in told
+        assert ("hull" in told) == bool(said)
+
+
+def test_only_moving_links_without_shapes_have_a_mass_of_their_own() -> None:
+    frame, turning = Link("tip", "", STILL, None), next(
+        link for link in hand_tree(HAND, PADS) if link.joint is not None)
+    for link, weighs in ((frame, False), (replace(turning, capsules=(), boxes=()), True)):
+        root = ET.fromstring(urdf_text([link])[0])
+        assert (root.find(f"link[@name='{link.name}']/inertial") is not None) == weighs
 
 
 @pytest.mark.parametrize("without", ["mount_length_m", "finger_spacing_m"])

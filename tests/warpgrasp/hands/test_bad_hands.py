@@ -54,6 +54,17 @@ BAD = {
     "several hands": ([link("palm"), *(part for n in range(8) for part in (
         link(f"f{n}"), joint(f"j{n}", "palm", f"f{n}")))],
         "8 chains of joints lead from link palm; should be 1 to 6 fingers: --palm names"),
+    "xacro": ([*GOOD, '<xacro:finger xmlns:xacro="http://ros.org/wiki/xacro" name="thumb"/>'],
+              "has a <xacro:finger>; should be a URDF, which `xacro FILE` makes of it"),
+    "misspelt element": ([*GOOD[:2], link("b", "<colision/>"), *GOOD[3:]],
+                         "link b: <link> with colision; did you mean collision?"),
+    "misspelt attribute": (
+        [*GOOD[:4], joint("j2", "a", "b", more='<mimic joint="j1" multiplyer="-0.5"/>')],
+        "joint j2: <mimic> with multiplyer; did you mean multiplier?"),
+    "scale": (with_shape('<mesh filename="big.obj" scale="nan 1 1"/>'),
+              "link b: mesh big.obj: its scale is not finite; should be"),
+    "nothing to touch": ([GOOD[0], link("a", ""), link("b", ""), *GOOD[3:]],
+                         "finger finger1: none of its links has a collision shape; should"),
     "empty": ([], "has no links; should be a tree"),
     "no axis": ([*GOOD[:4], joint("j2", "a", "b", axis="0 0 0")], "joint j2: its axis has no len"),
     "no link": ([*GOOD, joint("j3", "palm", "c")], "joint j3: there is no link 'c'; should"),
@@ -235,6 +246,8 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change("^fingers = .*", 'fingers = ["index", "palm"]'),
      "opposed.fingers: there is no finger 'palm'"),
     (change('^end = "pinched"', 'end = "shut"'), "opposed.end: there is no posture 'shut'"),
+    (change("^effort_Nm = .*", "effort_Nm = true"), "effort_Nm: input should be a valid number"),
+    (change("^thickness_mm = .*", "thickness_mm = 1000"), "pads.thickness_mm: input should be le"),
     (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
     (change(r"^pads = \[.*", 'pads = ["joint_0.0", "joint_1.0", "joint_2.0", "joint_3.0"]'),
      "finger index: 4 pads; should be 3 at most"),
@@ -397,3 +410,39 @@ def test_a_flat_mesh_is_a_box_of_its_volume(tmp_path: Path) -> None:
         copy = tmp_path / f"{name}.toml"
         copy.write_text(hand_text(model, notes, guessed=True))
         assert hand_from_file(copy).palm[0].fit_error_m == pytest.approx(plate.fit_error_m)
+
+
+def test_a_mesh_is_that_of_its_package_in_the_unit_of_its_file(tmp_path: Path) -> None:
+    """A package's mesh of the same name as one beside the URDF; centimetres of COLLADA; a vertex
+    that no face has."""
+    pytest.importorskip("yourdfpy")
+    for package, length in (("mine", 0.03), ("other", 0.05)):
+        (tmp_path / package / "meshes").mkdir(parents=True)
+        trimesh.creation.box((0.012, 0.012, length)).export(tmp_path / package / "meshes/m.ply")
+    file = tmp_path / "mine" / "hand.urdf"
+
+    def longest(mesh: str) -> float:
+        file.write_text(robot(with_shape(f'<mesh filename="{mesh}"/>')))
+        shape = hand_from_urdf(file)[0].fingers[0].joints[-1].shapes[-1]
+        assert isinstance(shape, Capsule)
+        return float(np.linalg.norm(np.subtract(shape.end, shape.start))) + 2 * shape.radius
+
+    assert longest("package://other/meshes/m.ply") > 0.045
+    assert longest("package://renamed/meshes/m.ply") < 0.04
+    manifest = tmp_path / "mine" / "package.xml"
+    manifest.write_text("<package><name>mine</name></package>")
+    assert longest("package://mine/meshes/m.ply") < 0.04
+    with pytest.raises(HandError, match=r"m\.ply is missing"):
+        longest("package://renamed/meshes/m.ply")
+
+    stray = trimesh.creation.box((0.012, 0.012, 0.03))
+    stray.vertices = [*stray.vertices, [0.0, 0.0, 0.2]]
+    stray.export(tmp_path / "mine" / "stray.ply")
+    assert longest("stray.ply") < 0.04
+
+    pytest.importorskip("collada")
+    text = trimesh.exchange.dae.export_collada(trimesh.creation.box((1.2, 1.2, 3.0)))
+    assert b"</asset>" in text
+    (tmp_path / "mine" / "cm.dae").write_bytes(text.replace(
+        b"</asset>", b'<unit name="centimetre" meter="0.01"/></asset>'))
+    assert longest("cm.dae") == pytest.approx(0.0345, rel=0.02)

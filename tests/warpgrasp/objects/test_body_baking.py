@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.body_baking import distance_falls_short, touched_body
+from warpgrasp.objects.body_baking import check_walls, distance_falls_short, touched_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of
 
@@ -119,6 +119,10 @@ def test_thin_walls_are_kept_by_finer_nodes_or_refused() -> None:
     assert distance_to_bodies(scene_of([thin], "cpu"), np.zeros(1, int), inside)[0] < 0.0
     with pytest.raises(BodyError, match=r"made: it has superquadrics or cuts.*thicken them"):
         touched_body(plate(0.4))
+    leaf = body_from_table({"name": "leaf", "superquadric": {
+        "size_mm": [1, 100, 100], "exponents": [0.1, 0.1]}}, Path())
+    with pytest.raises(BodyError, match=r"leaf: it has superquadrics or cuts.*thicken them"):
+        check_walls(leaf)
 
 
 @pytest.mark.parametrize("radius_mm", [1.0, 2.0])

@@ -318,10 +318,25 @@ def test_units_of_another_type_are_refused(tmp_path: Path) -> None:
             body_from_table({"mesh": "block.stl", "units": units}, tmp_path)
 
 
+def test_capitals_and_tabs_are_read(tmp_path: Path) -> None:
+    box = trimesh.creation.box([0.04, 0.05, 0.06])
+    (tmp_path / "a.stl").write_text(trimesh.exchange.stl.export_stl_ascii(box).upper())
+    text = trimesh.exchange.obj.export_obj(box).replace("v ", "v\t").replace("f ", "f\t")
+    (tmp_path / "a.obj").write_text(text)
+    for name in ("a.stl", "a.obj"):
+        vertices, faces = mesh_triangles(tmp_path / name, units="m")
+        assert np.ptp(vertices, axis=0) == pytest.approx([0.04, 0.05, 0.06])
+        assert len(faces) == 12
+
+
 @pytest.mark.parametrize(("name", "content", "message"), [
     ("none.stl", None, "cannot be read"),
     ("empty.stl", b"", "empty"),
     ("text.ply", b"hello, world", "not a mesh|no faces"),
+    ("polygons.ply", b"ply\nformat binary_little_endian 1.0\nelement vertex 4\nproperty float x\n"
+     b"property float y\nproperty float z\nelement face 2\nproperty list uchar int "
+     b"vertex_indices\nend_header\n" + bytes(48) + b"\3" + bytes(12) + b"\4" + bytes(16),
+     "make triangles of polygons first"),
     ("many.ply", b"ply\nformat ascii 1.0\nelement vertex 3\nelement face 1000000000\nend_header\n",
      "declares 1,000,000,000"),
     ("short.stl", trimesh.creation.box([40, 50, 60]).export(file_type="stl")[:-30],
