@@ -1,5 +1,6 @@
 """The commands that run a study and rank it."""
 
+from math import prod
 from pathlib import Path
 from shlex import quote
 from typing import Annotated, Literal
@@ -77,10 +78,16 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     rows = {
         "study": study.head.name, "hash": plan.hash, "strategies": f"{len(study.strategies)}",
         "objects": f"{len(study.objects)}", "settings": study.settings_each,
-        "cells": f"{study.cell_count}",
-        "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
-        "units": f"{plan.unit_count}", **dict(estimate_cost(plan)),
     }
+    if (search := study.search) is not None:  # of whose entries nothing is known yet
+        cases = prod(len(axis.values) for axis in study.axes)
+        most = search.trials * search.episodes * len(study.objects) * cases
+        rows["search"] = (f"{search.trials} proposals, {search.round} at a time; at most {most:,} "
+                          f"episodes, and those of the last race, of {search.finalists} finalists")
+    else:
+        rows |= {"cells": f"{study.cell_count}",
+                 "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
+                 "units": f"{plan.unit_count}", **dict(estimate_cost(plan))}
     if warnings := [*false_contact_warnings(study), *same_bodies(study),
                     *floating_notes(study.objects)]:
         rows["warning"] = "; ".join(warnings)

@@ -182,11 +182,14 @@ def test_entries_proposed_again_count_once_against_the_budget(
 
 
 @pytest.mark.parametrize(("trials", "rounds"), [(9, [4, 5]), (5, [2, 3])])
-def test_a_last_trial_joins_the_round_before(tmp_path: Path, trials: int, rounds: list[int]
-                                             ) -> None:
+def test_a_last_trial_joins_the_round_before(tmp_path: Path, trials: int, rounds: list[int],
+                                             capsys: pytest.CaptureFixture[str]) -> None:
     text = SPEC.replace("trials = 12", f"trials = {trials}").replace(
         "round = 6", f"round = {rounds[0]}")
     assert search(write_spec(tmp_path, text), tmp_path / "out") == 0
+    capsys.readouterr()
+    assert cli.run(["check", str(tmp_path / "spec.toml")]) == 0
+    assert f"at most {trials * 8 * 2} episodes, and those of the last" in capsys.readouterr().out
     found = [row["round"] for row in rows(tmp_path / "out/search.csv")]
     assert [found.count(number) for number in ("1", "2", "3")] == [*rounds, 0]
 
