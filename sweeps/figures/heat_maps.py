@@ -39,8 +39,8 @@ TOLD = 50
 """Characters of a line that explains numbers."""
 ROWS_IN, ROW_IN = 2.4, (0.13, 0.3)
 """Inches that the rows of answers share, and the least and most that one has."""
-MAP_IN = 1.9
-"""Inches that a map of settings is wide, about."""
+BAR_IN = 1.1
+"""Inches beside a map of settings and its names, for the colour bar, about."""
 NAME_IN = 1.0
 """Inches that an object's name may take of a figure's width."""
 LEAST_IN = 2.1
@@ -154,7 +154,10 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     largest = max(1e-9, *(np.nanmax(np.abs(table - middle))
                           for table, middle in zip(tables, around, strict=True)))
     digits = 1 if largest >= 1 else 2
-    ticks = {factor: _column_labels(names) for factor, names in levels.items()}
+    rows_named = [cut_apart([effect.strategy for effect in row], 22) for row in rows]
+    room = COLUMN_IN - BAR_IN - max(text_width_in(name, TICK_PT)
+                                    for names in rows_named for name in names)
+    ticks = {factor: _column_labels(names, room) for factor, names in levels.items()}
     turned_in = sum(0.8 * np.sin(np.radians(turned)) * max(
         text_width_in(name, TICK_PT) for name in names) for names, turned in ticks.values()
         if turned)
@@ -164,8 +167,8 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
         panels = drawn.subplots(len(factors), 1, squeeze=False,
                                 height_ratios=[len(row) + 1 for row in rows])[:, 0]
         cells = None
-        for axes, factor, row, table, middle in zip(panels, factors, rows, tables, around,
-                                                    strict=True):
+        for axes, factor, of_rows, table, middle in zip(panels, factors, rows_named, tables, around,
+                                                        strict=True):
             off = table - middle
             text = [[number_text(value, digits) for value in values] for values in table]
             cells = _heat_map(axes, off, "PuOr_r", (-largest, largest), text,
@@ -174,7 +177,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
             axes.set_xticks(range(table.shape[1]), names, rotation=turned, rotation_mode="anchor",
                             ha="right" if turned else "center",
                             va="center" if turned == 90.0 else "top")
-            axes.set_yticks(range(len(row)), cut_apart([effect.strategy for effect in row], 22))
+            axes.set_yticks(range(len(of_rows)), of_rows)
             axes.set_xlabel(factor)
         assert cells is not None
         name, _, way = metric_label(metric).rpartition(", ")
@@ -184,11 +187,12 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     return drawn
 
 
-def _column_labels(levels: Sequence[str]) -> tuple[list[str], float]:
-    """Labels of columns and how far they are turned, which those are that have no room."""
+def _column_labels(levels: Sequence[str], room_in: float) -> tuple[list[str], float]:
+    """Labels of columns and how far they are turned, which those are that have no room; all have
+    `room_in` inches."""
     lines = [level.replace(" to ", "\nto ") for level in levels]
     wide = max(text_width_in(line, TICK_PT) for level in lines for line in level.split("\n"))
-    if wide <= MAP_IN / len(levels) - 0.05:
+    if wide <= room_in / len(levels) - 0.05:
         return lines, 0.0
     return cut_apart(levels, 18), slant(len(levels))
 
