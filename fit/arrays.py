@@ -41,6 +41,13 @@ def joined(records: Sequence[Record]) -> Record:
     return _of_arrays(lambda *arrays: np.concatenate(arrays), *records)
 
 
+def read_only(values: np.ndarray) -> np.ndarray:
+    """A view that a user's function cannot write to."""
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
 def row_sums(values: np.ndarray) -> np.ndarray:
     """Sums of rows (row, value), ignoring NaN, in sequential order.
 

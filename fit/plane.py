@@ -8,11 +8,14 @@ Procedures for the identification of multiple outliers in linear models), and al
 alike. Without outliers that is least squares.
 """
 
+from typing import Any
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import stdtrit
 
 from fit.fit_status import FitStatus
+from fit.option_checks import checked_array
 from fit.plane_record import PlaneFit
 from fit.prepare import Sets, prepare
 from fit.rotation import is_upward
@@ -45,9 +48,11 @@ def fit_plane(
 ) -> PlaneFit:
     """Fit a plane to each set of at least three points [m]; without `robust`, all weights are 1.
 
-    Raises ValueError for an array of the wrong shape; any other problem of a set is its status.
+    Of touches at the same place one counts: three copies would be an exact plane. Raises ValueError
+    for an array of the wrong shape; any other problem of a set is its status.
     """
-    sets = prepare(points, mask, least_points=3, solid=False)
+    once, first = _once(points, mask)
+    sets = prepare(points, once, least_points=3, solid=False)
     n, width = np.shape(points)[:2]
     rows: dict[str, np.ndarray] = {
         "normal": np.tile([0.0, 0.0, 1.0], (n, 1)),
@@ -68,7 +73,27 @@ def fit_plane(
         kept = min(width, weight.shape[1])
         slots = sets.order[index][:, :kept]
         rows["weight"][index[:, None], slots] = weight[:, :kept]
+    rows["weight"] = np.take_along_axis(rows["weight"], first, 1)
     return PlaneFit(**rows)
+
+
+def _once(points: Any, mask: Any) -> tuple[np.ndarray, np.ndarray]:
+    """`mask` without touches at a place where another one stands before them, bool [fit, point];
+    all of touches at one or two places, which have statuses of their own. And of every touch the
+    first one at its place, [fit, point]."""
+    points = checked_array("points", points, (None, None, 3))
+    shape = points.shape[:2]
+    mask = checked_array("mask", np.ones(shape) if mask is None else mask, shape, bool)
+    there = np.where(mask[..., None], points, np.nan)  # which equals nothing
+    order = np.lexsort(np.moveaxis(there, 2, 0), axis=-1)  # stable: of equal ones the first leads
+    ordered = np.take_along_axis(there, order[..., None], 1)
+    new = np.ones(shape, bool)
+    new[:, 1:] = (ordered[:, 1:] != ordered[:, :-1]).any(2)
+    leads = np.maximum.accumulate(np.where(new, np.arange(shape[1]), 0), axis=1)
+    first = np.zeros(shape, int)
+    np.put_along_axis(first, order, np.take_along_axis(order, leads, 1), 1)
+    once = mask & (first == np.arange(shape[1]))
+    return np.where(once.sum(axis=1, keepdims=True) > 2, once, mask), first
 
 
 def _weights(sets: Sets, robust: bool) -> np.ndarray:

@@ -9,7 +9,11 @@ from fit.implicit.record import TriangleMesh
 from fit.option_checks import checked_array
 
 PARALLEL = 1e-3
+"""Two planes leave no way along both where the sine between their normals is below this."""
+NO_POINT = 1e-9
 """Three planes meet in no point where the determinant of their unit normals is below this."""
+ROUNDED = 1e-6
+"""By which the length of a normal may be off 1."""
 SAME_M = 1e-6
 """Corners nearer to one another than this are one; one this far beyond a plane is on it [m]."""
 FEWEST_FACES = 4
@@ -21,8 +25,9 @@ def polyhedron_faces(
 ) -> list[Float[np.ndarray, "_ 3"]]:
     """Corners [m] of each face of the body n.x <= offset, counter-clockwise seen from outside.
 
-    A face without area has no corners. `normals` are unit vectors. Raises ValueError for arrays of
-    the wrong shape or with numbers that are not finite, and for planes that do not close a body.
+    A face without area has no corners, and of planes that have a face in common all but the first.
+    `normals` are unit vectors. Raises ValueError for arrays of the wrong shape or with numbers that
+    are not finite, normals of another length, and planes that do not close a body.
     """
     normals, offset_m = np.asarray(normals, float), np.asarray(offset_m, float)
     if normals.ndim != 2 or normals.shape[1] != 3 or offset_m.shape != normals.shape[:1]:
@@ -30,14 +35,28 @@ def polyhedron_faces(
                          "(face, 3) and (face,)")
     if not (np.isfinite(normals).all() and np.isfinite(offset_m).all()):
         raise ValueError("planes: a normal or an offset is not finite; leave that plane out")
+    if (np.abs(np.linalg.norm(normals, axis=1) - 1.0) > ROUNDED).any():
+        raise ValueError("planes: a normal is no unit vector; divide it, and its offset, by its "
+                         "length")
     if not _closed(normals):
         raise ValueError("planes: they close no body; some direction meets none of them")
     three = np.array(list(combinations(range(len(normals)), 3)))
-    three = three[np.abs(np.linalg.det(normals[three])) > PARALLEL]
+    three = three[np.abs(np.linalg.det(normals[three])) > NO_POINT]
     points = np.linalg.solve(normals[three], offset_m[three][..., None])[..., 0]
     points = points[((points[:, None] * normals).sum(-1) <= offset_m + SAME_M).all(1)]
-    return [_ordered(points[np.abs(points @ n - d) <= 2 * SAME_M], n)
-            for n, d in zip(normals, offset_m, strict=True)]
+    faces: list[np.ndarray] = []
+    for n, d in zip(normals, offset_m, strict=True):
+        corners = _ordered(points[np.abs(points @ n - d) <= 2 * SAME_M], n)
+        there = any(_is_same(corners, face) for face in faces)
+        faces.append(np.zeros((0, 3)) if there else corners)
+    return faces
+
+
+def _is_same(one: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two faces have the same corners; those of a body, which has a volume, have the same
+    sense then."""
+    apart = np.linalg.norm(one[:, None] - other, axis=2)
+    return len(one) == len(other) > 0 and bool((apart.min(1) <= 2 * SAME_M).all())
 
 
 def _closed(normals: np.ndarray) -> bool:

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Float
 
 from fit.arrays import is_valid, row_medians, row_products, row_sums
+from fit.fit_status import is_fitted
 from fit.option_checks import check_number, checked_array
 from fit.prepare import with_covariance
 from fit.superquadric.geometry import (
@@ -23,6 +24,7 @@ from fit.superquadric.geometry import (
     superquadric_points,
     superquadric_volume,
 )
+from fit.superquadric.record import SuperquadricFit
 from fit.superquadric.slopes import radius_slopes
 
 STEP = 5e-6
@@ -74,7 +76,8 @@ def superquadric_uncertainty(
     standard deviation of each moves each touch along the normal; or a function that says so of the
     unit normals (fit, point, 3).
 
-    A touch that is no number, or whose covariance is none (NaN, a negative variance: the fit is
+    A `SuperquadricFit` whose status is no fit has no covariance and no volume (NaN). A touch that
+    is no number, or whose covariance is none (NaN, a negative variance: the fit is
     then `bad_points`), counts as not made. Raises ValueError for an array of the wrong shape, for a
     `sigma_floor_m` below zero, a `table_sigma_m` that is not above it, and an array `shared_m` that
     is not finite where a touch is; where a function says so, that fit alone has no covariance.
@@ -115,8 +118,11 @@ def superquadric_uncertainty(
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
+    if isinstance(fit, SuperquadricFit):
+        cov = np.where(is_fitted(fit.status)[:, None, None], cov, np.nan)
     log_volume_std = _log_volume_std(body, cov)
-    return SuperquadricUncertainty(cov, superquadric_volume(body), log_volume_std,
+    volume = np.where(np.isfinite(log_volume_std), superquadric_volume(body), np.nan)
+    return SuperquadricUncertainty(cov, volume, log_volume_std,
                                    np.zeros(len(points)))
 
 

@@ -108,9 +108,7 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
             if value.shape != shape:
                 raise ProbeError(f"FollowContour.axis.{name} has shape {value.shape}; "
                                  f"should be {shape}")
-        wanted = None if probe.wanted is None else _whole(
-            "FollowContour.wanted", probe.wanted)[:, None]
-        return _mask("FollowContour.wanted", wanted, (worlds, 1))
+        return _mask("FollowContour.wanted", probe.wanted, (worlds,))[:, None]
     raise ProbeError(f"answered with {type(probe).__name__} in a list; should be a list of "
                      f"{_PROBES}")
 

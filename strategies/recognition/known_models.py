@@ -131,7 +131,8 @@ def _population_of(way: str, entry: Mapping[str, Any]) -> Population:
     scatter = np.zeros((width, width))
     for k, row in enumerate(rows):
         scatter[k, : k + 1] = scatter[: k + 1, k] = row
-    if mean.shape != (width,) or len(rows) != width or not np.isfinite(mean).all():
+    if mean.shape != (width,) or len(rows) != width or not (
+            np.isfinite(mean).all() and np.isfinite(scatter).all()):
         raise ValueError(f"{way}: wants {width} numbers and {width} rows of their scatter")
     np.linalg.cholesky(scatter)  # a scatter is positive definite
     return Population(mean, scatter, max(int(entry["count"]), 1))

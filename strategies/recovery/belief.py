@@ -127,6 +127,9 @@ def read_only(record: Any) -> Any:
         parts = map(read_only, record)
         return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)
     if is_dataclass(record) and not isinstance(record, type):
-        return replace(record, **{f.name: read_only(getattr(record, f.name))
-                                  for f in fields(record) if f.init})
+        # Not `replace`: what was reckoned of a spec's values may lie beyond their bounds.
+        copied = object.__new__(type(record))
+        for f in fields(record):
+            object.__setattr__(copied, f.name, read_only(getattr(record, f.name)))
+        return copied
     return record

@@ -1,6 +1,6 @@
 """The command `explore`: one episode, and the strategy that an argument names."""
 
-from math import hypot, radians
+from math import radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,6 +10,7 @@ from sweeps.cli.app import UsageError, app, device_of
 
 if TYPE_CHECKING:
     from strategies.strategy import Strategy
+    from warpgrasp.parameters import ArmTable
 
 
 @app.command
@@ -62,7 +63,6 @@ def explore(object_: Annotated[str, Parameter(name="OBJECT")], /, *, strategy: s
         raise UsageError(f"--yaw-deg: is {yaw_deg:g}; should be a number from -360 to 360")
     _check_place("--x-m", x_m)
     _check_place("--y-m", y_m)
-    _check_apart(x_m, y_m)
     if not 0 <= seed < 2**63:
         raise UsageError(f"--seed: is {seed}; should be a whole number from 0 to 2^63 - 1")
     device = device_of(device)
@@ -103,6 +103,7 @@ def _explored(object_: str, units: str | None, stable_pose: int | None, strategy
         for line in floating_notes([Body(table["name"], table)]):
             note(line)
         robot = _robot_of_arguments(hand, arm, chosen)
+        _check_apart(robot["arm"], rest["x_m"], rest["y_m"])
         word = _reconstruct_of_argument(
             reconstruct or ("chosen" if chosen.name == DEFAULT else "superquadric"))
         from sweeps.cli.warmup import compile_explored
@@ -132,7 +133,7 @@ def strategy_of_argument(name: str) -> "Strategy":
     try:
         make_planner(name, {})
     except PlannerError as error:
-        if ".py:" in name:
+        if ".py:" in name or not str(error).startswith("no strategy"):
             raise StoreError(f"--strategy: {error}") from None
         raise StoreError(f"--strategy: no strategy {name!r}; {choose(name, STRATEGIES)}; or a "
                          "function in a file, as mine.py:next_best") from None
@@ -187,10 +188,10 @@ def _check_place(name: str, value: float) -> None:
         raise UsageError(f"{name}: is {value:g}; should be metres from {-far:g} to {far:g}{guess}")
 
 
-def _check_apart(x_m: float, y_m: float) -> None:
+def _check_apart(arm: "ArmTable", x_m: float, y_m: float) -> None:
     """Raises UsageError for a place where the arm stands."""
-    from warpgrasp.parameters import ARM_COLUMN_M
+    from sweeps.spec.checks import in_column
+    from warpgrasp.parameters import ObjectTable
 
-    if hypot(x_m, y_m) < ARM_COLUMN_M:
-        raise UsageError(f"--x-m: {x_m:g} with --y-m {y_m:g} is where the arm itself stands; "
-                         f"should be {ARM_COLUMN_M:g} or more from there")
+    if wrong := in_column({"arm": arm, "object": ObjectTable(x_m=x_m, y_m=y_m)}):
+        raise UsageError(f"--x-m {x_m:g} --y-m {y_m:g}: {wrong}")

@@ -80,8 +80,8 @@ def rows(folders: Folders, /, *,
     out
         The file to write; its ending, .parquet or .csv, names the format.
     contacts
-        A row a guarded move of an episode, instead of a row an episode: where the spec has
-        keep = "contacts".
+        A row a guarded move of an episode (of pads, each that felt something), instead of a row an
+        episode: where the spec has keep = "contacts".
     curves
         A row a fit of an episode: its touches, robot time and scores until then.
     """

@@ -239,3 +239,17 @@ def test_three_touches_tell_no_deviation() -> None:
     assert angle(found.normal, normal).max() < 1e-6
     assert np.array_equal(found.covariance[:, [0, 1], [0, 1]], np.ones((4, 2)))
     assert np.isinf(found.covariance[:, 2, 2]).all()
+
+
+@pytest.mark.parametrize("copies", [2, 4])
+def test_a_touch_given_again_tells_no_more(copies: int) -> None:
+    """Three copies of a place would be an exact plane, and the other touches strays."""
+    rng = np.random.default_rng(0)
+    once = rng.uniform(-0.03, 0.03, (20, 5, 3)) * [1.0, 1.0, 0.0] + rng.normal(
+        0.0, 0.001, (20, 5, 1)) * [0.0, 0.0, 1.0]
+    order = rng.permutation(np.repeat(np.arange(5), copies))
+    one, other = fit_plane(once), fit_plane(once[:, order])
+    assert np.array_equal(other.weight, one.weight[:, order])
+    assert (other.n_points == 5).all()
+    assert np.abs((one.normal * other.normal).sum(1) - 1.0).max() < 1e-9
+    assert other.covariance == pytest.approx(one.covariance, rel=1e-6)

@@ -91,3 +91,19 @@ def test_touches_of_parallel_faces_tell_no_turn_and_do_not_disturb_others() -> N
 def test_no_sets_and_sets_without_touches_have_no_interpretation(sets: int, touches: int) -> None:
     box, nothing = model_of_planes("box", CUBE, np.tile(SIZE_M, 2)), np.zeros((sets, touches, 3))
     assert interpret_sets(nothing, nothing, box, angle_rad=0.1, distance_m=0.002) == [[]] * sets
+
+
+@pytest.mark.parametrize(("turn", "beyond_m"), [
+    (0.0, 0.0), (0.0, 5e-7), (1e-8, 0.0), (2e-5, 0.0), (5e-4, 0.0), (2e-3, 0.0)])
+def test_a_plane_beside_another_leaves_the_surface_closed(turn: float, beyond_m: float) -> None:
+    cube = np.concatenate([np.eye(3), -np.eye(3)])
+    normals = np.vstack([cube, [np.cos(turn), np.sin(turn), 0.0]])
+    offset_m = np.append(np.full(6, 0.05), 0.05 + beyond_m)
+    mesh = polyhedron_mesh(normals, offset_m)
+    made = trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False)
+    assert made.is_watertight
+    assert made.volume == pytest.approx(1e-3, rel=3e-3)
+    away = polyhedron_distance(normals, offset_m, np.array([[0.1, 0.0, 0.0]]))
+    assert away == pytest.approx([0.05], abs=1e-6)
+    with pytest.raises(ValueError, match="no unit vector"):
+        polyhedron_mesh(2.0 * normals, 2.0 * offset_m)

@@ -224,3 +224,12 @@ def test_a_shared_error_that_is_none_is_named(three, shared: float) -> None:
     fits, meshes, _ = three
     with pytest.raises(ValueError, match=r"shared_m: .*, should be a finite number, 0 or more"):
         implicit_volume(fits, meshes, shared_m=shared)
+
+
+def test_a_mean_cannot_change_what_it_is_asked() -> None:
+    def mean(points_m: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        points_m -= 0.4
+        return np.linalg.norm(points_m, axis=2) - 0.04
+
+    with pytest.raises(ValueError, match="read-only"):
+        fit_implicit(ellipsoids(TOUCHES), mean=mean)

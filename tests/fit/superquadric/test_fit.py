@@ -203,8 +203,12 @@ def test_touches_without_noise_are_fitted_and_impossible_noise_is_named(sets) ->
     assert set(found.status[:2]) <= {FitStatus.converged, FitStatus.not_converged}
     assert set(found.status[2:]) == {FitStatus.bad_points}
     known = superquadric_uncertainty(found, points, sigma_floor_m=0.0, **evidence)
-    for record in (found, known):
-        assert all(np.isfinite(value).all() for value in vars(record).values())
+    assert all(np.isfinite(value).all() for value in vars(found).values())
+    # What is no fit has no uncertainty either.
+    for name, value in vars(known).items():
+        assert np.isfinite(value[:2]).all(), name
+    assert np.isnan(known.volume_m3[2:]).all()
+    assert np.isnan(known.covariance[2:]).all()
     assert volume_iou(superquadric(*(v[:1] for v in sets[0])), found[:1]) > 0.9
 
 

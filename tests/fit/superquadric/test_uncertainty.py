@@ -167,3 +167,14 @@ def test_the_table_is_a_touch_of_the_lowest_point() -> None:
         rise = (lowest(displaced(body, step)) - lowest(displaced(body, -step))) / 2e-6
         # The mean of a small cap, whose normals lean by up to 0.2 rad.
         assert slope[k] == pytest.approx(rise, abs=0.002 if k < 8 else 0.03), k
+
+
+def test_what_is_no_fit_has_no_interval() -> None:
+    ways = np.random.default_rng(0).normal(size=(3, 40, 3))
+    points = 0.04 * ways / np.linalg.norm(ways, axis=2, keepdims=True)
+    points[1, 0] = np.inf
+    points[2, :, 2] = 0.0
+    fits = fit_superquadric(points)
+    found = superquadric_uncertainty(fits, points)
+    for values in (found.volume_m3, found.volume_interval_m3()[:, 0], found.covariance[:, 0, 0]):
+        assert np.isfinite(values).tolist() == [True, False, False]

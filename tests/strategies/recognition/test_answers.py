@@ -216,6 +216,15 @@ def test_another_file_is_refused_with_the_reason(
         models_from_file(str(file))
 
 
+def test_a_scatter_that_is_no_number_is_refused(known: KnownModels, tmp_path: Path) -> None:
+    text = json.loads(models_text(known))
+    next(iter(text["objects"].values()))[PARAMETERS]["scatter"][0][0] = float("nan")
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps(text))
+    with pytest.raises(ModelsError, match="rows of their scatter"):
+        models_from_file(str(file))
+
+
 @pytest.mark.parametrize("text", ["", "[1]", "{", '{"format": "warpgrasp models 1"}', "\0"])
 def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "mine.json"

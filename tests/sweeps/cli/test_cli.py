@@ -48,7 +48,7 @@ def test_explore_refuses_other_units(capsys: pytest.CaptureFixture[str]) -> None
     assert cli.run(["explore", "block", "--strategy", "ring6", "--x-m", "450", "-o", "r"]) == 2
     assert "should be metres from -2 to 2; did you mean 0.45?" in capsys.readouterr().err
     assert cli.run(["explore", "block", "--strategy", "ring6", "--x-m", "0.05", "-o", "r"]) == 2
-    assert "is where the arm itself stands; should be 0.1 or more" in capsys.readouterr().err
+    assert "is where the arm itself stands; should be 100 mm or more" in capsys.readouterr().err
     assert cli.run(["explore", "block", "--yaw-deg", "7e5", "-o", "r"]) == 2
     assert "--yaw-deg: is 700000; should be a number from -360 to 360" in capsys.readouterr().err
 
