@@ -118,10 +118,11 @@ def superquadric_uncertainty(
         shared = unit @ row_products(rows, moved)
         unit = unit + shared @ np.swapaxes(shared, 1, 2)
     cov = unit * prior[:, :, None] * prior[:, None, :]
+    volume = superquadric_volume(body)
     if isinstance(fit, SuperquadricFit):
-        cov = np.where(is_fitted(fit.status)[:, None, None], cov, np.nan)
+        none = ~is_fitted(fit.status)
+        cov[none], volume[none] = np.nan, np.nan
     log_volume_std = _log_volume_std(body, cov)
-    volume = np.where(np.isfinite(log_volume_std), superquadric_volume(body), np.nan)
     return SuperquadricUncertainty(cov, volume, log_volume_std,
                                    np.zeros(len(points)))
 

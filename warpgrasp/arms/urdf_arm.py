@@ -38,9 +38,9 @@ def arm_from_urdf(
     The hand is mounted on the link `flange`, along its z axis; by default beyond the last joint
     that leads to all fingers, or the last joint of the only chain of 6 or 7 joints, a gripper's
     joints left out, where the hand looks out of the arm along that joint's axis (`_mounting`).
-    Joints in `held_deg_mm` stand still there [deg; mm of one
-    that slides]. `hand` is one whose palm's frame is that link's, as of a robot with arm and hand
-    in one file: the flange then stands behind its grasp frame, by `HandTable`'s mount length.
+    Joints in `held_deg_mm` stand still there [deg; mm of one that slides]. `hand` is one whose
+    palm's frame is that link's, as of a robot with arm and hand in one file: the flange then stands
+    behind its grasp frame, by `HandTable`'s mount length.
     Home is in the middle of the limits. Raises HandError for a file that is no tree of joints,
     ArmError for one that is no arm.
     """
@@ -141,7 +141,8 @@ def _mounting(tree: UrdfTree, link: str) -> tuple[str, np.ndarray, str]:
     for joint in beyond:
         frames[joint.child] = frames[joint.parent] @ joint.origin
         beyond += tree.children(joint.child)  # looked at in turn
-        if joint.kind == "fixed" and joint.parent in fixed and not _GRIPPER.search(joint.child):
+        if joint.kind == "fixed" and joint.parent in fixed and not _GRIPPER.search(
+                joint.child.lower()):
             fixed.append(joint.child)
     axis, before = path[-1].axis, np.eye(4)
     for joint in tree.path(link)[::-1]:
