@@ -55,7 +55,7 @@ def body_in_stable_pose(body: Body, number: int) -> Body:
     """
     poses = stable_poses(body)
     if not 1 <= number <= len(poses):
-        raise BodyError(f"stable_pose = {number}: {body.name} has {len(poses)} stable poses, 1 the "
+        raise BodyError(f"stable_pose = {number}: there are {len(poses)} stable poses, 1 the "
                         "likeliest")
     turn = Rotation.from_quat(poses[number - 1].quaternion_xyzw)
     parts = tuple(replace(part, place=(
