@@ -41,7 +41,7 @@ def joined(records: Sequence[Record]) -> Record:
     return _of_arrays(lambda *arrays: np.concatenate(arrays), *records)
 
 
-def read_only(values: np.ndarray) -> np.ndarray:
+def read_only_view(values: np.ndarray) -> np.ndarray:
     """A view that a user's function cannot write to."""
     view = values.view()
     view.flags.writeable = False

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from fit.arrays import is_valid, read_only
+from fit.arrays import is_valid, read_only_view
 from fit.implicit.process import ProcessData
 from fit.implicit.process_rows import FREE_ROWS
 from fit.implicit.record import ImplicitOptions, Mean
@@ -39,7 +39,7 @@ def free_space(sets: Sets, mean: Mean, points, radius, mask) -> FreeSpace:
     kept = checked_array("free_mask", np.ones(shape) if mask is None else mask, shape, bool)
     kept = kept & is_valid(points).all(axis=2) & is_valid(radius)
     points = np.where(kept[..., None], points, sets.origin[:, None])
-    values = checked_array("mean", mean(read_only(points), np.arange(n)), shape)
+    values = checked_array("mean", mean(read_only_view(points), np.arange(n)), shape)
     told = is_valid(values)
     return FreeSpace(points, radius, np.where(told, values, 0.0), kept & told)
 

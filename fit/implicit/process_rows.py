@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 from scipy.spatial import KDTree
 
-from fit.arrays import is_valid, read_only
+from fit.arrays import is_valid, read_only_view
 from fit.fit_status import FitStatus
 from fit.implicit.process import ProcessData
 from fit.implicit.record import ImplicitOptions, Mean
@@ -188,7 +188,7 @@ def _mean(sets: Sets, mean: Mean, *points: np.ndarray) -> np.ndarray:
     """Values of the mean at several arrays of points of the sets, all in unit frames."""
     asked = np.concatenate(points, axis=1)
     places = sets.origin[:, None] + sets.scale[:, None, None] * asked
-    values = checked_array("mean", mean(read_only(places), np.arange(len(asked))),
+    values = checked_array("mean", mean(read_only_view(places), np.arange(len(asked))),
                            asked.shape[:2])
     values = values / sets.scale[:, None]
     return np.moveaxis(values.reshape(len(asked), len(points), -1), 1, 0)

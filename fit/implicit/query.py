@@ -7,7 +7,7 @@ import jax
 import numpy as np
 from jaxtyping import Float, Int
 
-from fit.arrays import read_only
+from fit.arrays import read_only_view
 from fit.implicit.process import predict, predict_with_slope, slope
 from fit.implicit.record import ImplicitFit, Mean
 from fit.optimize.batch import Program, map_lanes
@@ -104,7 +104,7 @@ def _asked(fits: ImplicitFit, queries_m: np.ndarray, mean: Mean | None,
     queries_m = checked_array("queries_m", queries_m, (len(fits), None, 3))
     n, count = queries_m.shape[:2]
     given = checked_array("mean", (mean or sphere_mean(fits))(
-        read_only(queries_m), np.arange(n)), (n, count))
+        read_only_view(queries_m), np.arange(n)), (n, count))
     chunks = max(-(-count // CHUNK), 1)
     room = np.zeros((n, chunks * CHUNK, 3))
     room[:, :count] = queries_m - fits.centre_m[:, None]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fit.arrays import rows_of
+from fit.arrays import read_only_view, rows_of
 from fit.superquadric.geometry import Superquadric
 from fit.superquadric.record import SuperquadricFit
 from fit.superquadric.uncertainty import SuperquadricUncertainty
@@ -120,9 +120,7 @@ class Belief:
 def read_only(record: Any) -> Any:
     """The same record with views of its arrays, and of those within, that cannot be written to."""
     if isinstance(record, np.ndarray):
-        view = record.view()
-        view.flags.writeable = False
-        return view
+        return read_only_view(record)
     if isinstance(record, tuple):
         parts = map(read_only, record)
         return type(record)(*parts) if hasattr(record, "_fields") else tuple(parts)

@@ -8,6 +8,7 @@ import pytest
 from fit.arrays import rows_of
 from fit.implicit import fit_implicit, implicit_meshes, implicit_volume
 from fit.implicit.known import KnownProcess, fit_known
+from fit.implicit.volume import VolumeEstimate
 
 
 @pytest.mark.parametrize("count", [120, pytest.param(200, marks=pytest.mark.slow)])
@@ -82,3 +83,12 @@ def test_a_plate_thinner_than_points_lie_deep_keeps_its_volume() -> None:
     fits = fit_implicit(points, normals=normals)
     known = implicit_volume(fits, implicit_meshes(fits))
     assert known.volume_m3.mean() == pytest.approx(8.0 * half.prod(), rel=0.12)
+
+
+def test_an_interval_holds_its_volume_however_small() -> None:
+    volume = np.array([1e-4, 1e-13])
+    low, high = VolumeEstimate(volume, 0.1 * volume, np.zeros((2, 1, 3)),
+                               np.zeros((2, 1))).interval_m3().T
+    assert (low < volume).all()
+    assert (volume < high).all()
+    assert high / low == pytest.approx(np.full(2, high[0] / low[0]))

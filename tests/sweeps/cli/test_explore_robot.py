@@ -2,14 +2,18 @@
 
 import csv
 import json
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from sweeps.cli import main as cli
+from sweeps.cli.app import UsageError
+from sweeps.cli.explore import _check_apart
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_writer import hand_text
+from warpgrasp.parameters import ArmTable
 
 
 @pytest.mark.parametrize(("options", "said"), [
@@ -49,3 +53,12 @@ def test_another_hand_explores(tmp_path: Path) -> None:
                                  for row in touched]) for of in ("hand", "true"))
     assert np.linalg.norm(hand_m - point_m, axis=1).max() < 0.25
     assert json.loads((out / "shape.json").read_text())["metrics"]
+
+
+@pytest.mark.parametrize(("arm", "x_m", "stands"), [
+    ("puma560", 0.05, True), ("puma560", 0.45, False), ("none", 0.05, False),
+    ("panda", 0.05, True)])
+def test_an_object_is_kept_out_of_the_column_of_the_arm_that_is_given(
+        arm: str, x_m: float, stands: bool) -> None:
+    with pytest.raises(UsageError, match="arm itself") if stands else nullcontext():
+        _check_apart(ArmTable(kind=arm), x_m, 0.0)
