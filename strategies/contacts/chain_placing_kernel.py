@@ -83,8 +83,9 @@ def chain_placing_kernel(
     finger: wp.array2d[int],
     torque: wp.array2d[vec6],
     torque_sigma: wp.array2d[vec6],
+    step: wp.array2d[vec6],
     link_weight: wp.array2d[vec6],
-    lean: wp.array2d[real],
+    friction: wp.array2d[real],
     tried: Tried,
     place_sigma: real,
     farthest: real,
@@ -115,7 +116,7 @@ def chain_placing_kernel(
     for d in range(_JOINTS):
         root[d] = ONE / torque_sigma[w, i][d]
     found = placed_contact(
-        f, f.hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i], vec12(), lean[w, i],
+        f, f.hand, torque[w, i], root, step[w, i], link_weight[w, i], vec12(), friction[w, i],
         believed, tried, place_sigma, farthest, normal_variance)
     point[w, i] = found.point
     covariance[w, i] = found.covariance

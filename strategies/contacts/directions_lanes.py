@@ -13,6 +13,7 @@ from strategies.contacts.placing_sums import LEVEL, MOST_DIRECTIONS, NEGLIGIBLE,
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.core.dtypes import real, vec3, vec4, vec7
 from warpgrasp.core.lanes import LANES, lanes_begin
+from warpgrasp.finger.sliding import LEAN_MEAN, LEAN_SIGMA, LEAN_UNKNOWN, STILL_M
 
 _SUM = lanes_begin() + """
     enum { J = sizeof(felt) / sizeof(double), GROUPS = MOST };
@@ -37,39 +38,62 @@ _SUM = lanes_begin() + """
         if (!all_around)
             counts &= dot(way, u) >= -LEVEL;
         const reals none = 0.0;
-        reals size = none, pushed = none;
-        for (int k = 0; k < J; ++k) {
-            const reals j = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
-            size += j * j;
-            pushed += j * felt[k];
-        }
-        size = more(size, (reals)1e-300);
-        const reals push = more(pushed, none);
-        reals left = total - push * push / size, narrow = none + 1.0;
-        if (lean != 0.0) {
+        reals j[J], size = none, pushed = none, leans = none;
+        for (int k = 0; k < J; ++k)
+            j[k] = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
+        reals a[J], b[J];
+        if (friction != 0.0) {
             places one = cross(u, way);
             const reals level = 1.0 / more(root(dot(one, one)), (reals)1e-300);
             one = places{one.x * level, one.y * level, one.z * level};
             const places two = cross(way, one);
-            const reals leans = lean * push / size;
+            reals out_goes = none, out_yields = none, one_goes = none, one_yields = none,
+                two_goes = none, two_yields = none;
+            for (int k = 0; k < J; ++k) {
+                // At the skin, a radius off the axis.
+                a[k] = one.x * by_x[k] + one.y * by_y[k] + one.z * by_z[k] + radius * (
+                    two.x * turn_x[k] + two.y * turn_y[k] + two.z * turn_z[k]);
+                b[k] = two.x * by_x[k] + two.y * by_y[k] + two.z * by_z[k] - radius * (
+                    one.x * turn_x[k] + one.y * turn_y[k] + one.z * turn_z[k]);
+                const reals yielding = j[k] * ease[k];
+                out_goes += j[k] * step[k];
+                one_goes += a[k] * step[k];
+                two_goes += b[k] * step[k];
+                out_yields += j[k] * yielding;
+                one_yields += a[k] * yielding;
+                two_yields += b[k] * yielding;
+            }
+            // As `sliding_way`, `lean_mean` and `lean_sigma`.
+            const reals held = out_goes / more(out_yields, (reals)1e-300);
+            reals by_one = one_goes - held * one_yields, by_two = two_goes - held * two_yields;
+            const reals speed = root(by_one * by_one + by_two * by_two);
+            const flags slides = speed >= STILL;
+            const reals mean = slides ? LEAN_MEAN * friction / speed : none;
+            for (int k = 0; k < J; ++k)
+                j[k] += mean * (by_one * a[k] + by_two * b[k]);
+            leans = slides ? (reals)(LEAN_SIGMA * friction) : (reals)(LEAN_UNKNOWN * friction);
+        }
+        for (int k = 0; k < J; ++k) {
+            size += j[k] * j[k];
+            pushed += j[k] * felt[k];
+        }
+        size = more(size, (reals)1e-300);
+        const reals push = more(pushed, none);
+        reals left = total - push * push / size, narrow = none + 1.0;
+        if (friction != 0.0) {
+            leans *= push / size;
             reals aa = none + 1.0, bb = aa, ab = none;
             reals ja = none, jb = none, fa = none, fb = none;
             for (int k = 0; k < J; ++k) {
-                const reals j = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
-                // At the skin, a radius off the axis.
-                const reals a = leans * (
-                    one.x * by_x[k] + one.y * by_y[k] + one.z * by_z[k] + radius * (
-                        two.x * turn_x[k] + two.y * turn_y[k] + two.z * turn_z[k]));
-                const reals b = leans * (
-                    two.x * by_x[k] + two.y * by_y[k] + two.z * by_z[k] - radius * (
-                        one.x * turn_x[k] + one.y * turn_y[k] + one.z * turn_z[k]));
-                aa += a * a;
-                bb += b * b;
-                ab += a * b;
-                ja += j * a;
-                jb += j * b;
-                fa += felt[k] * a;
-                fb += felt[k] * b;
+                a[k] *= leans;
+                b[k] *= leans;
+                aa += a[k] * a[k];
+                bb += b[k] * b[k];
+                ab += a[k] * b[k];
+                ja += j[k] * a[k];
+                jb += j[k] * b[k];
+                fa += felt[k] * a[k];
+                fb += felt[k] * b[k];
             }
             const reals less_wide = 1.0 / (aa * bb - ab * ab);
             const reals jj = size - (bb * ja * ja - 2.0 * ab * ja * jb + aa * jb * jb) * less_wide;
@@ -116,6 +140,8 @@ _SUM = lanes_begin() + """
 for _name, _value in (
         ("GROUPS = MOST", f"GROUPS = {-(-MOST_DIRECTIONS // LANES)}"),
         ("LEVEL", repr(LEVEL)), ("WORST", repr(float(WORST))),
+        ("LEAN_MEAN", repr(LEAN_MEAN)), ("LEAN_SIGMA", repr(LEAN_SIGMA)),
+        ("LEAN_UNKNOWN", repr(LEAN_UNKNOWN)), ("STILL", repr(STILL_M)),
         ("NEGLIGIBLE", repr(float(NEGLIGIBLE))), ("HALF_BITS", repr(0.5 / log(2.0)))):
     _SUM = _SUM.replace(_name, _value)
 
@@ -125,7 +151,7 @@ def directions_in_lanes(
     by_x: vec4, by_y: vec4, by_z: vec4, turn_x: vec4, turn_y: vec4, turn_z: vec4, felt: vec4,
     direction: wp.array[vec3], begin: int, end: int, all_around: bool,
     middle: vec3, across: vec3, over: vec3, along_link: vec3, towards: vec3,
-    radius: real, lean: real, sharp: real,
+    radius: real, friction: real, step: vec4, ease: vec4, sharp: real,
 ) -> vec7:
     """The fields of `Around`, in order, of the directions `begin` to `end`."""
 
@@ -135,6 +161,6 @@ def directions_in_lanes(  # noqa: F811 (an overload)
     by_x: vec6, by_y: vec6, by_z: vec6, turn_x: vec6, turn_y: vec6, turn_z: vec6, felt: vec6,
     direction: wp.array[vec3], begin: int, end: int, all_around: bool,
     middle: vec3, across: vec3, over: vec3, along_link: vec3, towards: vec3,
-    radius: real, lean: real, sharp: real,
+    radius: real, friction: real, step: vec6, ease: vec6, sharp: real,
 ) -> vec7:
     """The same of a chain's drives."""

@@ -104,7 +104,7 @@ def superquadric_field(
 
 def places_on_field(
     links: TouchedLinks, asked: Bool[np.ndarray, "world point"], field: wp.array, *,
-    lean_share: float, place_sigma_m: float, turn_sigma_rad: float, farthest_m: float,
+    place_sigma_m: float, turn_sigma_rad: float, farthest_m: float,
     normal_sigma_m: float, device: str = "cpu",
 ) -> FieldPlaces:
     """The likeliest places of the contacts `asked`, by torques and by a body: its normals and
@@ -119,7 +119,7 @@ def places_on_field(
         ("misfit", real))}
     given = {"kept": array_of(asked, wp.bool, device), **hand.stood(links, device),
              **hand.torques(links, device), **hand.weights(links, device),
-             "lean": array_of(lean_share * links.friction, real, device)}
+             "friction": array_of(links.friction, real, device)}
     tried = Tried()
     tried.direction = array_of(directions_tried(turn_sigma_rad), vec3, device)
     tried.turn_sigma = turn_sigma_rad

@@ -79,8 +79,9 @@ def field_placing_kernel(
     finger: wp.array2d[int],
     torque: wp.array2d[vec4],
     torque_sigma: wp.array2d[vec4],
+    step: wp.array2d[vec4],
     link_weight: wp.array2d[vec3],
-    lean: wp.array2d[real],
+    friction: wp.array2d[real],
     tried: Tried,
     place_sigma: real,
     farthest: real,
@@ -111,9 +112,8 @@ def field_placing_kernel(
     sigma = torque_sigma[w, i]
     root = vec4(ONE / sigma[0], ONE / sigma[1], ONE / sigma[2], ONE / sigma[3])
     found = placed_contact(
-        f, hand, wp.cw_mul(torque[w, i], root), root, link_weight[w, i],
-        vec3(-WORST, -WORST, -WORST), lean[w, i], believed, tried, place_sigma, farthest,
-        normal_variance)
+        f, hand, torque[w, i], root, step[w, i], link_weight[w, i], vec3(-WORST, -WORST, -WORST),
+        friction[w, i], believed, tried, place_sigma, farthest, normal_variance)
     point[w, i] = found.point
     covariance[w, i] = found.covariance
     normal[w, i] = found.normal

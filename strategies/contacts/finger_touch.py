@@ -32,10 +32,12 @@ class TouchedLinks:
     """By which the contact turns the joints, (..., joint)."""
     torque_sigma_Nm: np.ndarray
     """Its standard deviation, (..., joint)."""
+    step_rad: np.ndarray
+    """The last step of the finger's command, (..., joint); zeros where it is not known."""
     weight: np.ndarray
     """Probability of each link by torques alone, (..., link)."""
     friction: np.ndarray
-    """Coefficient of the skin: the contact's force may lean from the normal by that much, (...)."""
+    """Coefficient of the skin, (...)."""
     hand: HandTable
     """As the tables have it."""
 
@@ -58,6 +60,7 @@ def touched_links(grasps: Grasps, hand: HandTable, contact: ContactTable) -> Tou
         link=np.maximum(flat(estimate.link), 0),
         torque_Nm=flat(estimate.torque_Nm, estimate.torque_Nm.shape[-1]),
         torque_sigma_Nm=flat(estimate.torque_sigma_Nm, estimate.torque_Nm.shape[-1]),
+        step_rad=flat(estimate.step_rad, estimate.step_rad.shape[-1]),
         weight=flat(estimate.link_weight, estimate.link_weight.shape[-1]),
         friction=flat(np.array(contact.friction)).copy(), hand=hand)
 
@@ -70,8 +73,8 @@ def no_links(worlds: int, slots: int, hand: HandTable) -> TouchedLinks:
     outline = outline_of(hand)
     joints, links = outline.drives, outline.links
     return TouchedLinks(zeros(dtype=bool), zeros(7), zeros(joints), zeros(dtype=int),
-                        zeros(dtype=int), zeros(joints), zeros(joints) + 1.0, zeros(links),
-                        zeros(), hand)
+                        zeros(dtype=int), zeros(joints), zeros(joints) + 1.0, zeros(joints),
+                        zeros(links), zeros(), hand)
 
 
 def links_of_touches(table: TouchTable, rows: np.ndarray, at: tuple, worlds: int, slots: int,

@@ -97,6 +97,18 @@ def turning_at(f: ChainAt, link: int, d: vec3):  # noqa: F811
 
 
 @wp.func
+def servo_ease(hand: Hand, joint: int):
+    """How far a joint yields to a torque [rad/(N m)]."""
+    return ONE / hand.stiffness
+
+
+@wp.func
+def servo_ease(hand: Chain, joint: int):  # noqa: F811
+    """How far a drive yields to a torque."""
+    return ONE / hand.stiffness[joint]
+
+
+@wp.func
 def links_of(hand: Hand):
     """How many links a finger has."""
     return 3

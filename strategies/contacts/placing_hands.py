@@ -56,9 +56,10 @@ class PlacingHand:
         return {"link_weight": _array(links.weight, self.link_vector, device)}
 
     def torques(self, links: TouchedLinks, device: str) -> dict[str, wp.array]:
-        """What joints felt; those that a finger has not felt nothing."""
+        """What joints felt, and how they had gone; those that a finger has not felt nothing."""
         return {"torque": _array(links.torque_Nm, self.joint_vector, device),
-                "torque_sigma": _array(links.torque_sigma_Nm, self.joint_vector, device, 1.0)}
+                "torque_sigma": _array(links.torque_sigma_Nm, self.joint_vector, device, 1.0),
+                "step": _array(links.step_rad, self.joint_vector, device)}
 
 
 def placing_hand(table: HandTable, device: str) -> PlacingHand:

@@ -3,11 +3,12 @@
 
 Without friction a contact force acts through the axis of a round link, along the body's normal. So
 a place along the axis and a direction around it explain the four torques of a finger, up to the
-size of the force. With friction the force leans: by a share of its normal part that is taken as
-normally distributed, each way along the surface. The posterior over places and directions is the
-likelihood of the torques, whatever the size and the lean of the force, times how well the body
-agrees: its surface is one link radius from the axis there, its normal is the direction, and no
-capsule beside it is nearer to the body.
+size of the force. With friction the force leans along the way that the link slides
+(`warpgrasp.finger.sliding`): by a share of its normal part that is taken as normally distributed,
+each way along the surface. The posterior over places and directions is the likelihood of the
+torques, whatever the size and the lean of the force, times how well the body agrees: its surface is
+one link radius from the axis there, its normal is the direction, and no capsule beside it is nearer
+to the body.
 """
 
 from typing import Any
@@ -24,6 +25,7 @@ from strategies.contacts.link_places import (
     links_of,
     radius_of,
     round_end,
+    servo_ease,
     start_at,
     turning_at,
 )
@@ -51,6 +53,7 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
+from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 from warpgrasp.geometry.superquadric_gauges import gauges_at
 
@@ -68,6 +71,7 @@ _STEP = wp.constant(real(1.0 / ALONG))
 _AROUND_STEP = wp.constant(real(2.0 * WIDEST / (AROUND - 1)))
 _CAP_STEP = wp.constant(real(2.0 * WIDEST / (CAP - 1)))
 _TINY = wp.constant(real(1e-300))
+_HELD = wp.constant(real(1e-100))  # one over the deviation of a torque that says nothing
 _LEVEL = wp.constant(real(LEVEL))
 _FLAT = wp.constant(real(1e-9))
 _LEAST_SLOPE = wp.constant(real(1e-3))
@@ -101,32 +105,37 @@ class Tried:
 @wp.func
 def _unexplained(
     by_x: Any, by_y: Any, by_z: Any, turn_x: Any, turn_y: Any, turn_z: Any, along: vec3, d: vec3,
-    radius: real, lean: real, felt: Any
+    radius: real, felt: Any, step: Any, ease: Any, friction: real
 ):
     """What the best push along -d leaves of the torques: chi-square, and one over how much wider a
     force that leans makes their spread.
 
     `by_x` to `turn_z` are the motion of a place of the axis along x, y and z and its turning about
     them, per radian of each joint and in deviations of the torques; `along` points along the link,
-    `lean` is the deviation of the force's lean.
+    `felt` are the torques, `step` and `ease` how the command turned the joints and how they yield.
     """
     total = wp.dot(felt, felt)
     j = by_x * d[0] + by_y * d[1] + by_z * d[2]
-    size = wp.max(wp.dot(j, j), _TINY)
-    push = wp.max(wp.dot(j, felt), ZERO)
-    if lean == ZERO:
-        return vec2(total - push * push / size, ONE)
-    # Spread of the torques: one, and that of a force along the surface both ways, for the push
-    # that explains most without it.
+    if friction == ZERO:
+        push = wp.max(wp.dot(j, felt), ZERO)
+        return vec2(total - push * push / wp.max(wp.dot(j, j), _TINY), ONE)
+    # Along the surface both ways, at the skin, a radius off the axis.
     one = wp.cross(along, d)
     one *= ONE / wp.max(wp.length(one), _TINY)
     two = wp.cross(d, one)
-    # At the skin, a radius off the axis.
-    leans = lean * push / size
     a = (by_x * one[0] + by_y * one[1] + by_z * one[2]
-         + (turn_x * two[0] + turn_y * two[1] + turn_z * two[2]) * radius) * leans
+         + (turn_x * two[0] + turn_y * two[1] + turn_z * two[2]) * radius)
     b = (by_x * two[0] + by_y * two[1] + by_z * two[2]
-         - (turn_x * one[0] + turn_y * one[1] + turn_z * one[2]) * radius) * leans
+         - (turn_x * one[0] + turn_y * one[1] + turn_z * one[2]) * radius)
+    slides = sliding_way(j, a, b, step, ease)
+    mean = lean_mean(slides, friction)
+    j += a * mean[0] + b * mean[1]
+    size = wp.max(wp.dot(j, j), _TINY)
+    # Spread of the torques: one, and that of the force's lean both ways, for the push that explains
+    # most without it.
+    leans = lean_sigma(slides, friction) * wp.max(wp.dot(j, felt), ZERO) / size
+    a *= leans
+    b *= leans
     aa = ONE + wp.dot(a, a)
     bb = ONE + wp.dot(b, b)
     ab = wp.dot(a, b)
@@ -192,8 +201,8 @@ def write_field(
 
 @wp.func(inline=False)
 def places_of_link(
-    f: Any, link: int, ends: int, length: real, radius: real, lean: real, felt: Any, root: Any,
-    believed: FieldAt, tried: Tried, place_sigma: real, farthest: real
+    f: Any, link: int, ends: int, length: real, radius: real, felt: Any, step: Any, ease: Any,
+    root: Any, friction: real, believed: FieldAt, tried: Tried, place_sigma: real, farthest: real
 ):
     """The posterior over the places of one link; with `ends` 1 it has a round tip, with 2 it is a
     ball."""
@@ -243,7 +252,8 @@ def places_of_link(
             if tried.has_lanes:
                 sums = directions_in_lanes(
                     by_x, by_y, by_z, turn_x, turn_y, turn_z, felt, tried.direction, begin, end,
-                    all_around, middle, across, over, u, towards, radius, lean, sharp)
+                    all_around, middle, across, over, u, towards, radius, friction, step, ease,
+                    sharp)
                 here.least = sums[0]
                 here.weight = sums[1]
                 here.outward = vec3(sums[2], sums[3], sums[4])
@@ -256,7 +266,7 @@ def places_of_link(
                     if all_around or wp.dot(d, u) >= -_LEVEL:
                         off = wp.length_sq(d - towards) * sharp
                         chi = _unexplained(by_x, by_y, by_z, turn_x, turn_y, turn_z, u, d, radius,
-                                           lean, felt)
+                                           felt, step, ease, friction)
                         here = with_direction(here, d, chi[0] + off, chi[1])
             if here.weight > ZERO:
                 miss = wp.min(wp.abs(body[3] - radius), farthest) / place_sigma
@@ -301,11 +311,20 @@ def _behind(hand: Any, link: int, believed: FieldAt):
 
 @wp.func(inline=False)
 def placed_contact(
-    f: Any, hand: Any, felt: Any, root: Any, link_weight: Any, logs: Any, lean: real,
-    believed: FieldAt, tried: Tried, place_sigma: real, farthest: real, normal_variance: real
+    f: Any, hand: Any, torque: Any, root: Any, step: Any, link_weight: Any, logs: Any,
+    friction: real, believed: FieldAt, tried: Tried, place_sigma: real, farthest: real,
+    normal_variance: real
 ):
-    """The likeliest place of a contact of a finger. `felt` are its torques in units of their
-    deviations, `root` one over these; `logs` has room for a number a link."""
+    """The likeliest place of a contact of a finger. `root` is one over the deviations of its
+    torques, `step` the command's last one; `logs` has room for a number a link."""
+    # In units of these deviations; a joint that its stop holds goes nowhere.
+    felt = wp.cw_mul(torque, root)
+    went = step * ZERO
+    ease = step * ZERO
+    for k in range(len(root)):
+        if root[k] > _HELD:
+            went[k] = step[k] / root[k]
+            ease[k] = servo_ease(hand, k) / (root[k] * root[k])
     out = Placed()
     out.covariance = wp.identity(n=3, dtype=wp.float64)
     best = Place()
@@ -316,8 +335,8 @@ def placed_contact(
         logs[link] = -WORST
         if link_weight[joint_of(hand, link)] >= UNLIKELY:
             post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
-                                  radius_of(hand, link), lean, felt, root, believed,
-                                  tried, place_sigma, farthest)
+                                  radius_of(hand, link), felt, went, ease, root, friction,
+                                  believed, tried, place_sigma, farthest)
             if post.weight > ZERO:
                 # Of capsules side by side the one behind cannot have touched.
                 behind = wp.min(_behind(hand, link, believed), farthest) / _BESIDE
@@ -353,8 +372,8 @@ def placed_contact(
             if share > UNLIKELY:
                 # It may as well be where it would be on this capsule.
                 post = places_of_link(f, link, round_end(hand, link), length_of(hand, link),
-                                      radius_of(hand, link), lean, felt, root, believed, tried,
-                                      place_sigma, farthest)
+                                      radius_of(hand, link), felt, went, ease, root, friction,
+                                      believed, tried, place_sigma, farthest)
                 off = (post.axis / post.weight - out.point
                        + wp.normalize(post.outward) * radius_of(hand, link))
                 out.covariance += wp.outer(off, off) * (share / alike)

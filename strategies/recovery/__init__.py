@@ -18,7 +18,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
         "SURE_LINK",
         "evidence_from_grasps", "evidence_from_touches", "joined_evidence",
         "no_evidence", "slots_of_touches"],
-    "fit_contacts": ["LEAN_SHARE", "NORMAL_SIGMA_M", "PLACE_SIGMA_M", "TURN_SIGMA_RAD",
+    "fit_contacts": ["NORMAL_SIGMA_M", "PLACE_SIGMA_M", "TURN_SIGMA_RAD",
         "recover_bodies"],
     "free_contacts": ["BODY", "LATER_SIGMA_M", "LEFT_M", "PAD_SIGMA_M",
         "begun_freely", "believed_freely", "fit_placed", "fitted_freely", "placed_freely"],

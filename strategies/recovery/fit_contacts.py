@@ -31,9 +31,6 @@ PLACE_SIGMA_M = 0.003
 """How well a body still being fitted predicts where a link's axis must pass [est]."""
 TURN_SIGMA_RAD = 0.15
 """How well it predicts the direction of its surface there [est]."""
-LEAN_SHARE = 0.5
-"""Deviation of a force's lean each way along the surface, of the friction coefficient: that of
-directions that fill the cone evenly."""
 NORMAL_SIGMA_M = 0.0008
 """Spread of a placed contact along the normal: joint angles, mount, repeatability [est]."""
 SCREEN_ITERATIONS = 3
@@ -175,7 +172,7 @@ def contacts_placed(
     asked = evidence.mask & links.linked
     field = superquadric_field(links, asked, *bodies_on(body, device), device=device)
     found = places_on_field(
-        links, asked, field, lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M,
+        links, asked, field, place_sigma_m=PLACE_SIGMA_M,
         turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M,
         device=device)
     moved = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)

@@ -30,7 +30,6 @@ from strategies.recovery.belief import Belief
 from strategies.recovery.evidence import CONTRADICTED_FROM, PLACED, SURE_LINK, Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_LINK_M,
-    LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
@@ -153,7 +152,7 @@ def _placed(fits: ImplicitFit, before: Evidence, sigma: np.ndarray, links: Touch
     asked = before.mask & links.linked
     distance, normal = _field(fits, stations, asked[..., None] & possible_stations(links))
     found = places_on_field(
-        links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
+        links, asked, sampled_field(distance, normal),
         place_sigma_m=FIRST_PLACE_M + trust * (PLACE_SIGMA_M - FIRST_PLACE_M),
         turn_sigma_rad=FIRST_TURN_RAD + trust * (TURN_SIGMA_RAD - FIRST_TURN_RAD),
         farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M)

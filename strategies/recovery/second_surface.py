@@ -23,7 +23,6 @@ from strategies.contacts.finger_touch import TouchedLinks
 from strategies.recovery.evidence import Evidence
 from strategies.recovery.fit_contacts import (
     FARTHEST_LINK_M,
-    LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
@@ -65,7 +64,7 @@ def _moved(evidence: Evidence, links: TouchedLinks, asked: np.ndarray) -> np.nda
     distance[wanted], normal[wanted] = field_of_process(
         *known_slopes(surface, 0, SURFACE, stations[wanted]))
     found = places_on_field(
-        links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
+        links, asked, sampled_field(distance, normal),
         place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
         farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M)
     there = asked & (found.chance > 0.0) & np.isfinite(found.point_m).all(-1)

@@ -17,7 +17,7 @@ from warpgrasp.chain_closing.chain_closing import ChainClosing
 from warpgrasp.chain_closing.chain_closing_kernels import chain_estimate_kernel
 from warpgrasp.chain_closing.chain_estimate_kernel import balls_type
 from warpgrasp.chain_closing.chain_path import no_chain_errors
-from warpgrasp.closing.contact_estimate import ContactEstimate, moving_senses
+from warpgrasp.closing.contact_estimate import ContactEstimate, last_steps
 from warpgrasp.core.dtypes import mat33, vec3
 from warpgrasp.core.kernel_launch import launch, poses_of
 from warpgrasp.mechanism.calibration import place_variance
@@ -57,6 +57,7 @@ def estimate_chain_contacts(
     """
     dims = closing.status.shape
     errors, contact = errors or ErrorTable(), contact or ContactTable()
+    steps = last_steps(closing, commands_rad)
     each = "world probe grasp finger"
     kinds: dict[str, Any] = {
         "point": vec3, "covariance": mat33, "normal": vec3, "link_out": int, "link_weight": vec6,
@@ -66,7 +67,7 @@ def estimate_chain_contacts(
              for name, values, kind in (
         ("status", closing.status, int), ("q", padded(np.nan_to_num(closing.q_rad)), vec6),
         ("read", padded(np.nan_to_num(closing.torque_Nm)), vec6),
-        ("moving", padded(moving_senses(closing, commands_rad)), vec6))}
+        ("way", padded(steps), vec6))}
     none = no_chain_errors(hand)
     launch(chain_estimate_kernel,
            dict(zip(each.split(), dims, strict=True)),
@@ -87,7 +88,7 @@ def estimate_chain_contacts(
     return ChainEstimate(
         found["point"], found["covariance"], found["normal"], found["link_out"],
         found["link_weight"][..., :hand.links], found["torque_out"][..., :hand.width],
-        found["torque_sigma"][..., :hand.width], np.full((*dims, 4, 3), np.nan),
+        found["torque_sigma"][..., :hand.width], steps, np.full((*dims, 4, 3), np.nan),
         found["balls"][..., :2 * most, :])
 
 

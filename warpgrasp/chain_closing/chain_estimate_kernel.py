@@ -2,10 +2,9 @@
 """Where the robot concludes that a finger of chains touched, with a covariance: the kernel.
 
 As `closing.contact_estimate_kernel`, capsule by capsule: the torques of the drives are explained by
-a force at a place of a capsule's palmar half, or of its round end where it ends the finger. A
-switch tells no more than that its link touched: all places of that link are then alike. The one
-torque of a finger with one drive tells no place from another: a place is as likely as what it
-sweeps is large.
+a force at a place of a capsule's palmar half, or of its round end where it ends the finger. Places
+that another capsule of the link covers touch nothing. A switch tells no more than that its link
+touched: its places are as likely as what they sweep.
 """
 
 import warp as wp
@@ -29,7 +28,7 @@ from warpgrasp.chain.torque_sensor_kernel import (
     torque_from_reading,
     torque_variance,
 )
-from warpgrasp.closing.contact_estimate_kernel import (
+from warpgrasp.closing.contact_places_kernel import (
     ALONG,
     AROUND,
     AROUND_COS,
@@ -44,8 +43,11 @@ from warpgrasp.closing.contact_estimate_kernel import (
     force_gain_at,
     most_force_gain,
     most_placed_gain,
+    swept_share,
 )
 from warpgrasp.core.dtypes import HALF, ONE, PI, ZERO, mat33, real, struct, transform, vec2, vec3
+from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
+from warpgrasp.mechanism.tendon_kernel import moving_sign
 from warpgrasp.probe_status import ProbeStatus
 
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
@@ -57,18 +59,20 @@ _AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
 _STEP = wp.constant(real(1.0 / ALONG))
 _JOINTS, _CAPSULES = wp.constant(JOINTS), wp.constant(CAPSULES)
 _TINY = wp.constant(real(1e-300))
+_COVERED = wp.constant(real(1e-6))
 _NO_ARM = wp.constant(real(1e-9))  # of a force that turns no joint: a nanometre's arm and less
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
 _RELATIVE = wp.constant(real(0.03))  # model error of a torque, of the largest [est]
 _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
+_along_vec = wp.types.vector(length=ALONG, dtype=real)
 balls_type = wp.types.matrix(shape=(2 * CAPSULES, 3), dtype=real)
 
 
 @struct
 class _Posterior:
-    """Weighted sums over places; a weight is an area times exp((gain - largest gain) / 2), and of
-    fingers with one drive times what the place sweeps."""
+    """Weighted sums over places; a weight is an area times what it sweeps times
+    exp((gain - largest gain) / 2)."""
 
     most: real
     """The largest gain of all places."""
@@ -85,10 +89,14 @@ class _Posterior:
 
 @struct
 class _Felt:
-    """Torques in units of their deviations, and one over these; the skin's friction."""
+    """Torques in units of their deviations, and one over these; how the command turned the drives
+    and how they yield, in these units; by how much it turned them [rad]; the skin's friction."""
 
     torque: vec6
     root: vec6
+    way: vec6
+    ease: vec6
+    turned: real
     friction: real
     leans: int
     turn: int
@@ -117,12 +125,9 @@ def _turns(hand: Chain, pose: ChainPose, joint: int, x: vec3, d: vec3, felt: _Fe
 
 
 @wp.func
-def _swept(hand: Chain, pose: ChainPose, number: int, skin: vec3, by_out: vec6):
-    """How fast a place of the skin goes outwards as the finger's only drive turns, in any unit: of
-    bodies that may stand anywhere it meets as many as that, and none where another capsule of the
-    link covers it. 1 for fingers whose torques tell places apart."""
-    if hand.drives != 1:
-        return ONE
+def _bare(hand: Chain, pose: ChainPose, number: int, skin: vec3):
+    """1 for a place of the skin; next to nothing for one that another capsule of its link covers.
+    """
     joint = chain_capsule(hand, number).joint
     for other in range(hand.capsule_count):
         capsule = chain_capsule(hand, other)
@@ -131,8 +136,8 @@ def _swept(hand: Chain, pose: ChainPose, number: int, skin: vec3, by_out: vec6):
             line = link_place(pose, joint, capsule.end) - a
             share = wp.dot(skin - a, line) / wp.max(wp.dot(line, line), _TINY)
             if wp.length(a + line * wp.clamp(share, ZERO, ONE) - skin) < capsule.radius:
-                return ZERO
-    return wp.abs(by_out[0])
+                return _COVERED
+    return ONE
 
 
 @wp.func
@@ -156,9 +161,17 @@ def _with_side(
         by_along = _turns(hand, pose, joint, x, u, felt)
         by_across = _turns(hand, pose, joint, x, across, felt)
         rise_across = _turns(hand, pose, joint, x + line, across, felt) - by_across
+    slides = sliding_way(by_out + rise_out * HALF, by_along, by_across + rise_across * HALF,
+                         felt.way, felt.ease)
+    mean = lean_mean(slides, felt.friction)
+    sigma = lean_sigma(slides, felt.friction)
+    outwards = wp.dot(by_out, felt.way)
+    outwards_rise = wp.dot(rise_out, felt.way)
+    swept = _along_vec()
+    known = int(0)
     for lean in range(felt.leans):
-        along = felt.friction * real(LEAN_ALONG[lean])
-        aside = felt.friction * real(LEAN_ACROSS[lean])
+        along = mean[0] + sigma * real(LEAN_ALONG[lean])
+        aside = mean[1] + sigma * real(LEAN_ACROSS[lean])
         low = by_out + by_along * along + by_across * aside
         rise = rise_out + rise_across * aside
         square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
@@ -168,6 +181,12 @@ def _with_side(
             post.most = wp.max(post.most, line_most)
             post.placed = wp.max(post.placed, most_placed_gain(square, product, _NO_ARM))
         elif line_most >= post.most - _DEEPEST:
+            if known == 0:
+                known = 1
+                for i in range(_ALONG):
+                    share = (real(i) + HALF) * _STEP
+                    swept[i] = (swept_share(outwards + outwards_rise * share, felt.turned)
+                                * _bare(hand, pose, number, a + line * share + out * radius))
             sums = vec3(ZERO, ZERO, ZERO)
             best = real(-1.0)
             for i in range(_ALONG):
@@ -176,9 +195,7 @@ def _with_side(
                 best = wp.max(best, g)
                 if g >= post.most - _DEEPEST:
                     sums += vec3(ONE, share, share * share) * (
-                        wp.exp((g - post.most) * HALF) * _swept(
-                            hand, pose, number, a + line * share + out * radius,
-                            by_out + rise_out * share))
+                        wp.exp((g - post.most) * HALF) * swept[i])
             area = PI * radius / _AROUND_REAL * length * _STEP
             sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
             post = _gathered(post, a + out * radius, u, out, sums, joint, best)
@@ -205,16 +222,20 @@ def _with_cap(
         if felt.leans > 1:
             by_up = _turns(hand, pose, joint, x, up, felt)
             by_across = _turns(hand, pose, joint, x, wp.cross(u, out), felt)
+        slides = sliding_way(by_out, by_up, by_across, felt.way, felt.ease)
+        mean = lean_mean(slides, felt.friction)
+        sigma = lean_sigma(slides, felt.friction)
         for lean in range(felt.leans):
-            push = (by_out + by_up * (felt.friction * real(LEAN_ALONG[lean]))
-                    + by_across * (felt.friction * real(LEAN_ACROSS[lean])))
+            push = (by_out + by_up * (mean[0] + sigma * real(LEAN_ALONG[lean]))
+                    + by_across * (mean[1] + sigma * real(LEAN_ACROSS[lean])))
             g = force_gain(wp.dot(push, push), wp.dot(push, felt.torque), _NO_ARM)
             if felt.turn == 0:
                 post.most = wp.max(post.most, g)
                 post.placed = wp.max(post.placed, g)
             elif g >= post.most - _DEEPEST:
-                weight = cell * wp.exp((g - post.most) * HALF) * _swept(
-                    hand, pose, number, end + tip_out * radius, by_out)
+                weight = (cell * wp.exp((g - post.most) * HALF)
+                          * swept_share(wp.dot(by_out, felt.way), felt.turned)
+                          * _bare(hand, pose, number, end + tip_out * radius))
                 post = _gathered(post, end + tip_out * radius, u, tip_out,
                                  vec3(weight, ZERO, ZERO), joint, g)
     return post
@@ -222,9 +243,9 @@ def _with_cap(
 
 @wp.func
 def _felt(
-    hand: Chain, sensor: TorqueSensor, q: vec6, torque: vec6, arm_share: real
+    hand: Chain, sensor: TorqueSensor, q: vec6, torque: vec6, way: vec6, arm_share: real
 ):
-    """Torques in units of their deviations."""
+    """Torques in units of their deviations; a drive that its stop holds goes nowhere."""
     felt = _Felt()
     felt.friction = hand.friction
     felt.leans = wp.where(hand.friction > ZERO, _LEANS, 1)
@@ -236,12 +257,17 @@ def _felt(
         unsure = arm_share * torque[d]
         precision = ONE / (torque_variance(sensor) + model * model + unsure * unsure
                            + _FLOOR * _FLOOR)
+        free = ONE
         # A drive at its stop is held by it: what its motor bears says nothing.
         if hand.stop > ZERO and (q[d] < hand.low[d] + _AT_STOP * sensor.joint_noise
                                  or q[d] > hand.high[d] - _AT_STOP * sensor.joint_noise):
             precision = _TINY
+            free = ZERO
         felt.root[d] = wp.sqrt(precision)
         felt.torque[d] = torque[d] * felt.root[d]
+        felt.way[d] = free * way[d] / felt.root[d]
+        felt.ease[d] = free / (hand.stiffness[d] * precision)
+    felt.turned = wp.length(way)
     return felt
 
 
@@ -260,7 +286,7 @@ def chain_estimate_kernel(
     hand_pose: wp.array2d[transform],
     q: wp.array4d[vec6],
     read: wp.array4d[vec6],
-    moving: wp.array4d[vec6],
+    way: wp.array4d[vec6],
     # Estimate out:
     point: wp.array4d[vec3],
     covariance: wp.array4d[mat33],
@@ -308,8 +334,8 @@ def chain_estimate_kernel(
     if sensor.kind == _TORQUES:
         for d in range(hand.drives):
             torque[d] = torque_from_reading(sensor, read[w, p, g, finger][d],
-                                            moving[w, p, g, finger][d])
-    felt = _felt(hand, sensor, angles, torque, arm_share)
+                                            moving_sign(way[w, p, g, finger][d]))
+    felt = _felt(hand, sensor, angles, torque, way[w, p, g, finger], arm_share)
     torque_out[w, p, g, finger] = torque
     for d in range(_JOINTS):
         torque_sigma[w, p, g, finger][d] = wp.where(

@@ -6,5 +6,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "closing": ["Closing", "ClosingTruth", "close_fingers"],
     "closing_record": ["stays_open"],
     "self_contact": ["MISFIT", "doubt_of", "self_contacts"],
-    "contact_estimate": ["ContactEstimate", "estimate_contacts", "moving_senses"],
+    "contact_estimate": ["ContactEstimate", "estimate_contacts", "last_steps"],
 })

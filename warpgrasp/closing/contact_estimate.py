@@ -4,8 +4,9 @@
 from the measured joint angles. `intrinsic`: intrinsic contact sensing (Bicchi, Salisbury and Brock
 1993, Contact sensing from force measurements) from joint torques. A frictionless contact force acts
 along the normal of a link's capsule, and the four joint torques determine its place. With friction
-it leans by any direction within the friction cone, all alike. The posterior over all places of the
-three capsules, and over these directions, gives the mean and the covariance.
+it leans along the way that the link slides (`warpgrasp.finger.sliding`). The posterior over all
+places of the three capsules, and over directions about that one, gives the mean and the covariance.
+Before any torque a place is as likely as what it sweeps on the way that the finger was going.
 """
 
 from dataclasses import dataclass
@@ -45,6 +46,8 @@ class ContactEstimate:
     """By which contacts turn the joints, the links' weight taken off, (..., joint)."""
     torque_sigma_Nm: np.ndarray
     """Its standard deviation; huge where a joint is held by its stop, (..., joint)."""
+    step_rad: np.ndarray
+    """The last step of the command of each joint, (..., joint)."""
     link_points_m: np.ndarray
     """Believed joints and tip centre of each finger, (..., 4, 3): the links' axes between them.
     NaN of a hand of chains."""
@@ -89,6 +92,7 @@ def estimate_contacts(
     torques = {name: wp.empty(dims, dtype=vec4, device=device)
                for name in ("torque_out", "torque_sigma")}
     errors = errors or ErrorTable()
+    steps = last_steps(closing, commands_rad)
     each = "world probe grasp finger"
 
     def put(values: np.ndarray, dtype: type) -> wp.array:
@@ -96,7 +100,7 @@ def estimate_contacts(
 
     launch(estimate_kernel, dict(zip(("world", "probe", "grasp", "finger"), dims, strict=True)), {
         "status": each, "hand_pose": "world probe", "q": each, "flexor": each, "extensor": each,
-        "moving": each, "point": each, "covariance": each, "normal": each, "link_out": each,
+        "way": each, "point": each, "covariance": each, "normal": each, "link_out": each,
         **dict.fromkeys(("link_weight", *joints, *torques), each)}, {
         "hand": hand_of(hand, contact), "sensor": tendon_sensor_of(hand, sensors),
         "intrinsic": int(sensors.contact_estimator == "intrinsic"),
@@ -109,7 +113,7 @@ def estimate_contacts(
             (closing.status == ProbeStatus.CONTACT).any((-1, -2))),
         "q": put(closing.q_rad, vec4), "flexor": put(closing.tension_N[..., 0], vec4),
         "extensor": put(closing.tension_N[..., 1], vec4),
-        "moving": put(moving_senses(closing, commands_rad), vec4), "point": point,
+        "way": put(steps, vec4), "point": point,
         "covariance": covariance, "normal": normal, "link_out": link,
         "link_weight": link_weight, **joints, **torques},
         device=device, heavy=True)
@@ -117,15 +121,14 @@ def estimate_contacts(
     return ContactEstimate(point.numpy().copy(), covariance.numpy().copy(),
                            normal.numpy().copy(), link.numpy().copy(), link_weight.numpy().copy(),
                            torques["torque_out"].numpy().copy(),
-                           torques["torque_sigma"].numpy().copy(),
+                           torques["torque_sigma"].numpy().copy(), steps,
                            np.stack([joint.numpy() for joint in joints.values()], axis=-2))
 
 
-def moving_senses(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
-    """Sign of each joint's last command step before its finger stopped, (world, probe, grasp,
+def last_steps(closing: Closing, commands_rad: np.ndarray) -> np.ndarray:
+    """Each joint's last command step before its finger stopped [rad], (world, probe, grasp,
     finger, joint), of commands (grasp, finger, step, joint)."""
     step = np.maximum(closing.step, 0)
     before = np.maximum(step - 1, 0)
     grasp, finger = np.ogrid[:commands_rad.shape[0], :commands_rad.shape[1]]
-    return np.sign(np.round(commands_rad[grasp, finger, step]
-                            - commands_rad[grasp, finger, before], 12))
+    return np.round(commands_rad[grasp, finger, step] - commands_rad[grasp, finger, before], 12)

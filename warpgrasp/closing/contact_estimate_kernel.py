@@ -1,9 +1,29 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Where the robot concludes that a finger touched, with a covariance: the kernel."""
+"""Where the robot concludes that a finger touched, with a covariance: the kernel.
 
-import numpy as np
+A place is as likely as its area, what it sweeps, and how well a force there explains the torques:
+of bodies that may stand anywhere, skin that goes outwards twice as fast meets twice as many.
+"""
+
 import warp as wp
 
+from warpgrasp.closing.contact_places_kernel import (
+    ALONG,
+    AROUND,
+    AROUND_COS,
+    AROUND_SIN,
+    CAP,
+    CAP_COS,
+    CAP_SIN,
+    LEAN_ACROSS,
+    LEAN_ALONG,
+    LEANS,
+    force_gain,
+    force_gain_at,
+    most_force_gain,
+    most_placed_gain,
+    swept_share,
+)
 from warpgrasp.core.dtypes import (
     HALF,
     ONE,
@@ -18,7 +38,8 @@ from warpgrasp.core.dtypes import (
     vec4,
 )
 from warpgrasp.core.reading_kernel import mean_variance
-from warpgrasp.mechanism.tendon_kernel import TendonSensor, torque_from_tensions
+from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
+from warpgrasp.mechanism.tendon_kernel import TendonSensor, moving_sign, torque_from_tensions
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
     Hand,
@@ -33,9 +54,8 @@ from warpgrasp.probe_status import ProbeStatus
 # Loops over the grid of places are not unrolled: they would be copied for every place.
 _CONTACT = wp.constant(int(ProbeStatus.CONTACT))
 _NAN = wp.constant(real(float("nan")))
-ALONG, AROUND, CAP = 24, 13, 5
-"""Places along a link, around its palmar half, and rings of the tip's cap."""
-_ALONG, _AROUND, _CAP = wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP)
+_ALONG, _AROUND, _CAP, _LEANS = (wp.constant(ALONG), wp.constant(AROUND), wp.constant(CAP),
+                                 wp.constant(LEANS))
 # Warp turns a constant that is cast in one place into a real everywhere: have both kinds.
 _AROUND_REAL, _CAP_REAL = wp.constant(real(AROUND)), wp.constant(real(CAP))
 _STEP = wp.constant(real(1.0 / ALONG))
@@ -43,23 +63,6 @@ LINES = 3 + CAP
 """Lines of places at one turn about the links: one along each, and those of the cap."""
 _LINES = wp.constant(LINES)
 _lines_vec = wp.types.vector(length=AROUND * LINES, dtype=real)
-_around_vec = wp.types.vector(length=AROUND, dtype=real)
-_cap_vec = wp.types.vector(length=CAP, dtype=real)
-_TURNS = np.pi * ((np.arange(AROUND) + 0.5) / AROUND - 0.5)
-_UPS = 0.5 * np.pi * (np.arange(CAP) + 0.5) / CAP
-AROUND_COS = wp.constant(_around_vec(*np.cos(_TURNS)))
-AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
-CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
-CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
-LEANS = 7
-"""Directions of a force with friction: along the normal, and six about it."""
-_LEANS = wp.constant(LEANS)
-_lean_vec = wp.types.vector(length=LEANS, dtype=real)
-# With the normal they have the second moments of a disc of the radius of the friction coefficient.
-_LEAN = np.sqrt(LEANS / (2 * (LEANS - 1)))
-_LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
-LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
-LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 _TINY = wp.constant(real(1e-300))
 _AT_STOP = wp.constant(real(3.0))  # deviations of a joint's reading
 _DEEPEST = wp.constant(real(40.0))  # places that explain so much less than the best are left out
@@ -69,7 +72,8 @@ _FLOOR = wp.constant(real(5e-4))  # model error of a torque [N m] [est]
 
 @struct
 class _Posterior:
-    """Weighted sums over places; a weight is an area times exp((gain - largest gain) / 2)."""
+    """Weighted sums over places; a weight is an area times what it sweeps times
+    exp((gain - largest gain) / 2)."""
 
     weight: real
     best: real
@@ -78,55 +82,6 @@ class _Posterior:
     normal: vec3
     link: int
     link_weight: vec3
-
-
-@wp.func
-def force_gain(square: real, along: real, least: real):
-    """The share of the weighted square of the torques that a force of the best size >= 0 explains.
-
-    `square` is that of the torques of a unit force, `least` where they count as none, and `along`
-    their product with the measured ones.
-    """
-    push = wp.max(along, ZERO)
-    return push * push / wp.max(square, least)
-
-
-@wp.func
-def force_gain_at(square: vec3, along: vec2, share: real, least: real):
-    """The gain of a force at a place along a link: torques are linear in the place."""
-    return force_gain(square[0] + share * (square[1] + share * square[2]),
-                      along[0] + share * along[1], least)
-
-
-@wp.func
-def _peak(square: vec3, along: vec2):
-    """Where along the link the derivative of along^2 / square vanishes; 0 if nowhere between."""
-    top = along[0] * square[1] - real(2.0) * along[1] * square[0]
-    bottom = along[1] * square[1] - real(2.0) * along[0] * square[2]
-    if top * bottom > ZERO and wp.abs(top) < wp.abs(bottom):
-        return top / bottom
-    return ZERO
-
-
-@wp.func
-def most_force_gain(square: vec3, along: vec2, least: real):
-    """The largest gain of any place along the link."""
-    most = wp.max(force_gain_at(square, along, ZERO, least),
-                  force_gain_at(square, along, ONE, least))
-    return wp.max(most, force_gain_at(square, along, _peak(square, along), least))
-
-
-@wp.func
-def most_placed_gain(square: vec3, along: vec2, least: real):
-    """The largest gain of the grid's places along the link: those at its ends, or next to the peak,
-    of which one may be a force that turns no joint."""
-    most = wp.max(force_gain_at(square, along, HALF * _STEP, least),
-                  force_gain_at(square, along, ONE - HALF * _STEP, least))
-    first = int(wp.floor(_peak(square, along) / _STEP - HALF)) - 1
-    for i in range(4):
-        share = (real(wp.clamp(first + i, 0, _ALONG - 1)) + HALF) * _STEP
-        most = wp.max(most, force_gain_at(square, along, share, least))
-    return most
 
 
 @wp.func
@@ -199,7 +154,7 @@ def estimate_kernel(
     q: wp.array4d[vec4],
     flexor: wp.array4d[vec4],
     extensor: wp.array4d[vec4],
-    moving: wp.array4d[vec4],
+    way: wp.array4d[vec4],
     # Estimate out:
     point: wp.array4d[vec3],
     covariance: wp.array4d[mat33],
@@ -243,16 +198,18 @@ def estimate_kernel(
         return
 
     torque = vec4(ZERO, ZERO, ZERO, ZERO)
+    step = way[w, p, g, finger]
     largest = real(0.0)
     for j in range(4):
         tensions = vec2(flexor[w, p, g, finger][j], extensor[w, p, g, finger][j])
-        torque[j] = torque_from_tensions(sensor, j, tensions, moving[w, p, g, finger][j])
+        torque[j] = torque_from_tensions(sensor, j, tensions, moving_sign(step[j]))
     # What the servos bear beside the links' weight.
     torque += weight_moments(hand, finger_pose(
         hand, wp.transform_multiply(pose, finger_base(hand, finger)), angles))
     for j in range(4):
         largest = wp.max(largest, wp.abs(torque[j]))
     precision = vec4(ZERO, ZERO, ZERO, ZERO)
+    held = vec4(ONE, ONE, ONE, ONE)
     for j in range(4):
         s = sensor.moment_arm[j]
         v = s * s * real(2.0) * mean_variance(sensor.noise, sensor.step, sensor.readings)
@@ -263,11 +220,15 @@ def estimate_kernel(
         if hand.stop > ZERO and (angles[j] < hand.low[j] + _AT_STOP * sensor.joint_noise
                                  or angles[j] > hand.high[j] - _AT_STOP * sensor.joint_noise):
             precision[j] = _TINY
+            held[j] = ZERO
 
     # In units of their deviations, all torques weigh the same.
     root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),
                 wp.sqrt(precision[3]))
     felt = wp.cw_mul(torque, root)
+    commanded = wp.cw_div(wp.cw_mul(step, held), root)
+    ease = wp.cw_div(held, wp.cw_mul(root, root))
+    turned = wp.length(step)
     torque_out[w, p, g, finger] = torque
     torque_sigma[w, p, g, finger] = vec4(ONE / root[0], ONE / root[1], ONE / root[2], ONE / root[3])
     r = hand.link_radius
@@ -303,9 +264,16 @@ def estimate_kernel(
                     # Along the surface a force acts on the skin, a radius from the axis.
                     ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out),
                                  root, leans)
+                    slides = sliding_way(
+                        ways.out + ways.out_rise * HALF, ways.along,
+                        ways.across + ways.across_rise * HALF, commanded, ease)
+                    mean = lean_mean(slides, hand.friction)
+                    sigma = lean_sigma(slides, hand.friction)
+                    outwards = wp.dot(ways.out, commanded)
+                    outwards_rise = wp.dot(ways.out_rise, commanded)
                     for lean in range(leans):
-                        along_link = hand.friction * real(LEAN_ALONG[lean])
-                        across = hand.friction * real(LEAN_ACROSS[lean])
+                        along_link = mean[0] + sigma * real(LEAN_ALONG[lean])
+                        across = mean[1] + sigma * real(LEAN_ACROSS[lean])
                         low = ways.out + ways.along * along_link + ways.across * across
                         rise = ways.out_rise + ways.across_rise * across
                         square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
@@ -324,7 +292,8 @@ def estimate_kernel(
                                 gain = force_gain_at(square, product, share, _TINY)
                                 best = wp.max(best, gain)
                                 if gain >= most - _DEEPEST:
-                                    weight = wp.exp((gain - most) * HALF)
+                                    weight = wp.exp((gain - most) * HALF) * swept_share(
+                                        outwards + outwards_rise * share, turned)
                                     sums += vec3(ONE, share, share * share) * weight
                             area = PI * r / _AROUND_REAL * length * _STEP
                             sums = vec3(sums[0], sums[1] * length, sums[2] * length * length) * area
@@ -340,30 +309,34 @@ def estimate_kernel(
                             PI * HALF * r / _CAP_REAL)
                         ways = _ways(f, 2, f.p4 + tip_out * arm, vec3(ZERO, ZERO, ZERO), tip_out,
                                      up, wp.cross(u, out), root, leans)
+                        slides = sliding_way(ways.out, ways.along, ways.across, commanded, ease)
+                        mean = lean_mean(slides, hand.friction)
+                        sigma = lean_sigma(slides, hand.friction)
+                        cell_swept = cell * swept_share(wp.dot(ways.out, commanded), turned)
                         for lean in range(leans):
-                            push = (ways.out + ways.along * (hand.friction
-                                                             * real(LEAN_ALONG[lean]))
-                                    + ways.across * (hand.friction * real(LEAN_ACROSS[lean])))
+                            push = (ways.out
+                                    + ways.along * (mean[0] + sigma * real(LEAN_ALONG[lean]))
+                                    + ways.across * (mean[1] + sigma * real(LEAN_ACROSS[lean])))
                             gain = force_gain(wp.dot(push, push), wp.dot(push, felt), _TINY)
                             if turn == 0:
                                 line_most[line] = wp.max(line_most[line], gain)
                                 most = wp.max(most, gain)
                                 placed = wp.max(placed, gain)
                             elif gain >= most - _DEEPEST:
-                                weight = cell * wp.exp((gain - most) * HALF)
+                                weight = cell_swept * wp.exp((gain - most) * HALF)
                                 post = _gathered(post, f.p4 + tip_out * r, u, tip_out,
                                                  vec3(weight, ZERO, ZERO), 2, gain)
     if post.weight <= ZERO:
         return
-    mean = post.mean / post.weight
-    cov = post.second / post.weight - wp.outer(mean, mean)
+    at = post.mean / post.weight
+    cov = post.second / post.weight - wp.outer(at, at)
     # The grid's own cell, the joint angles read (each turning the tip), and the arm's pose.
-    lever = wp.length(mean - f.p1)
+    lever = wp.length(at - f.p1)
     floor = (_length_cell(hand) * _length_cell(hand) / real(12.0) + pose_variance
              + angle_variance * lever * lever)
     cov = cov + unit * floor
     rot = wp.quat_to_matrix(wp.transform_get_rotation(pose))
-    point[w, p, g, finger] = wp.transform_point(pose, mean)
+    point[w, p, g, finger] = wp.transform_point(pose, at)
     covariance[w, p, g, finger] = rot * cov * wp.transpose(rot)
     normal[w, p, g, finger] = wp.normalize(wp.transform_vector(pose, post.normal))
     link_out[w, p, g, finger] = post.link

@@ -23,7 +23,6 @@ from strategies.ready_made import STRATEGIES
 from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.fit_contacts import (
     FARTHEST_LINK_M,
-    LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
@@ -54,7 +53,7 @@ def block(request: pytest.FixtureRequest) -> EpisodeBlock:
 def placed(links: TouchedLinks, asked: np.ndarray, distance: np.ndarray, normal: np.ndarray
            ) -> FieldPlaces:
     return places_on_field(
-        links, asked, sampled_field(distance, normal), lean_share=LEAN_SHARE,
+        links, asked, sampled_field(distance, normal),
         place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD, farthest_m=FARTHEST_LINK_M,
         normal_sigma_m=NORMAL_SIGMA_M)
 

@@ -15,7 +15,6 @@ from strategies.ready_made import STRATEGIES
 from strategies.recovery.body_distances import surface_distances
 from strategies.recovery.fit_contacts import (
     FARTHEST_LINK_M,
-    LEAN_SHARE,
     NORMAL_SIGMA_M,
     PLACE_SIGMA_M,
     TURN_SIGMA_RAD,
@@ -42,7 +41,7 @@ def test_they_are_those_of_the_superquadric(block: EpisodeBlock) -> None:
     found = places_on_field(
         links, felt.mask,
         sampled_field(distance.reshape(stations.shape[:3]), normal.reshape(stations.shape)),
-        lean_share=LEAN_SHARE, place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
+        place_sigma_m=PLACE_SIGMA_M, turn_sigma_rad=TURN_SIGMA_RAD,
         farthest_m=FARTHEST_LINK_M, normal_sigma_m=NORMAL_SIGMA_M)
     expected = contacts_placed(felt, links, body)
     at = felt.mask & (found.chance > 0.0)
@@ -59,7 +58,7 @@ def test_stations_of_links_that_torques_exclude_do_not_count(block: EpisodeBlock
     assert 0.1 < possible[felt.mask].mean() < 0.7
     normal = np.zeros((*shape, 3))
     normal[..., 2] = 1.0
-    given = {"lean_share": LEAN_SHARE, "place_sigma_m": PLACE_SIGMA_M,
+    given = {"place_sigma_m": PLACE_SIGMA_M,
              "turn_sigma_rad": TURN_SIGMA_RAD, "farthest_m": FARTHEST_LINK_M,
              "normal_sigma_m": NORMAL_SIGMA_M}
     one = places_on_field(links, felt.mask, sampled_field(np.full(shape, 0.008), normal), **given)

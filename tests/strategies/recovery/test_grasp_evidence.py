@@ -26,7 +26,7 @@ def grasps(status: list[ProbeStatus], z_m: float = 0.1) -> Grasps:
     estimate = ContactEstimate(
         point, np.tile(1e-6 * np.eye(3), (*SHAPE, 1, 1)), np.tile([0.0, 1.0, 0.0], (*SHAPE, 1)),
         np.where(number == 3, -1, 2), weight, np.repeat(number[..., None], 4, -1),
-        np.ones((*SHAPE, 4)), links)
+        np.ones((*SHAPE, 4)), np.zeros((*SHAPE, 4)), links)
     closing = SimpleNamespace(status=np.array(status).reshape(SHAPE),
                               q_rad=np.repeat(-number[..., None], 4, -1))
     pose = np.zeros((1, 2, 7))

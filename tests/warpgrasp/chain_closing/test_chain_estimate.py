@@ -17,7 +17,7 @@ from warpgrasp.chain_closing.chain_estimate import (
     longest_link_m,
 )
 from warpgrasp.closing.closing import ClosingTruth
-from warpgrasp.closing.contact_estimate_kernel import ALONG
+from warpgrasp.closing.contact_places_kernel import ALONG
 from warpgrasp.hands.hand_frames import matrix_of
 from warpgrasp.hands.hand_model import Finger, Follow, HandModel
 from warpgrasp.mechanism.calibration import place_variance
@@ -125,8 +125,8 @@ def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, fri
         model = hand.model.fingers[finger]
         q = felt.q_rad[i][:drives]
         step = felt.step[i]
-        torque = felt.torque_Nm[i][:drives] - sensors.torque_friction_Nm * np.sign(np.round(
-            commands[finger, step] - commands[finger, step - 1], 12))[:drives]
+        went = np.round(commands[finger, step] - commands[finger, step - 1], 12)[:drives]
+        torque = felt.torque_Nm[i][:drives] - sensors.torque_friction_Nm * np.sign(went)
         sigma = np.sqrt(read + (0.03 * np.abs(torque).max()) ** 2
                         + (errors.moment_arm_share * torque) ** 2 + 5e-4**2)
         limits = np.array([(model.joints[j].low_rad, model.joints[j].high_rad)
@@ -144,7 +144,8 @@ def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(kind: str, fri
             skins.append(Skin(
                 joint, ends, capsule.radius, frame[:3, :3] @ palmar_sides(hand)[finger][c],
                 affine_lever(partial(energy.lever, c, q=q)), (1.0, -1.0) if joint == last else ()))
-        told = posterior(skins, torque, sigma, friction, hand.links, 1e-9)
+        stiffness = np.array([model.joints[j].stiffness_Nm_rad for j in hand.drives[finger]])
+        told = posterior(skins, torque, sigma, friction, hand.links, went, stiffness, 1e-9)
         lever = np.linalg.norm(told.mean - frames[0, :3, 3])
         spread = ((longest / ALONG) ** 2 / 12.0
                   + place_variance(errors, ArmTable(), longest_link_m(hand))

@@ -11,7 +11,7 @@ from strategies.poses.closing_paths import CLOSING_PATHS, closing_commands
 from sweeps.validate.reference_finger import FingerEnergy
 from warpgrasp.closing.closing import Closing
 from warpgrasp.closing.contact_estimate import ContactEstimate, estimate_contacts
-from warpgrasp.closing.contact_estimate_kernel import ALONG
+from warpgrasp.closing.contact_places_kernel import ALONG
 from warpgrasp.mechanism.calibration import place_variance
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.parameters import ArmTable, ContactTable, ErrorTable, HandTable, SensorTable
@@ -122,9 +122,12 @@ def test_every_contact_has_a_place_that_hardly_depends_on_hardly_any_friction(
 def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(friction: float) -> None:
     """Written out in NumPy, with the hand turned any way, some joints at their upper stops and some
     at their lower ones."""
-    hand, sensors, errors, contact = HandTable(), SensorTable(), ErrorTable(), ContactTable(
-        friction=friction)
+    hand, sensors = HandTable(tendon_friction=0.0), SensorTable()
+    errors, contact = ErrorTable(), ContactTable(friction=friction)
     closing, pose, commands = readings(4, sensors)
+    closing.step[:] = 1
+    commands[0, :, 1] = [[0.0, 0.02, 0.01, 0.0], [0.0, 0.02, 0.0, 0.0], [0.01, 0.0, 0.01, 0.03],
+                         [0.0, 0.01, 0.02, 0.02]]
     closing.q_rad[::2, ..., 1] = 0.5
     closing.q_rad[0, ..., 2], closing.q_rad[1, ..., 3] = (
         hand.flexion_high_rad[1], hand.flexion_low_rad[2])
@@ -157,7 +160,8 @@ def test_an_estimate_is_the_posterior_over_all_places_of_the_skin(friction: floa
             skins.append(Skin(
                 link, places[link:link + 2], hand.link_radius_m, np.cross(axes[1], way),
                 affine_lever(partial(energy.lever, link, q=q)), (1.0,) if link == 2 else ()))
-        told = posterior(skins, torque, sigma, friction, 3)
+        went = commands[0, finger, closing.step[i]] - commands[0, finger, closing.step[i] - 1]
+        told = posterior(skins, torque, sigma, friction, 3, went, np.full(4, 2.0))
         lever = np.linalg.norm(told.mean - places[0])
         spread = (cell**2 / 12.0 + place_variance(errors, ArmTable(), max(hand.link_length_m))
                   + 2.0 * (sensors.joint_noise_rad**2 + errors.joint_offset_rad**2) * lever**2)
