@@ -30,6 +30,8 @@ TOUCH_STD_M = 0.001
 """Of a touch about the contour, which priors are weighed against [est]."""
 LEAST_MIDDLE_STD_M = TOUCH_STD_M / MOST_WEIGHT
 """Of a middle: one known better counts as this."""
+STANDS = 0.9
+"""Cosine of the angle between the axis of a start and the vertical up to which a body stands."""
 _LEAST_TILT_WEIGHT = 1e-3  # so that a sphere has one answer
 
 
@@ -43,8 +45,9 @@ def fit_revolution(
 ) -> RevolutionFit:
     """Fit surfaces of revolution to sets of points [m].
 
-    With `table_z` [m] the lower end lies on the table. `middle` tells what else is known of where
-    the axes go through: touches all on one side, or on two that are opposite, tell it badly.
+    With `table_z` [m] the lowest place lies on the table: an end, or the side of a body that lies.
+    `middle` tells what else is known of where the axes go through: touches all on one side, or on
+    two that are opposite, tell it badly.
     Raises ValueError for an array of the wrong shape and a `middle` that is none; any other problem
     of a set is its `status`.
     """
@@ -133,7 +136,8 @@ def _fit_bucket(
     if options.loss != "none":
         for _ in range(2):
             lanes = lanes._replace(loss_scale=_scale(found, lanes, sets, options))
-            found = advance(problem, found, lanes, options.round_iterations).theta
+            found = advance(problem, found, lanes._replace(plane=_while_rough(plane, rotation)),
+                            options.round_iterations).theta
     end = finish(problem, found, lanes, at_a_time=options.round_iterations,
                  at_most=options.iterations, least_fall=options.least_fall, least_cost=EXACT_COST)
     return _rows(end, lanes, sets, options)
@@ -145,6 +149,14 @@ def _tilt_weight(sets: Sets, options: RevolutionOptions) -> np.ndarray:
         return np.full(len(sets.count), _LEAST_TILT_WEIGHT)
     return np.maximum(TOUCH_STD_M / (sets.scale * options.tilt_std_rad * np.sqrt(sets.count)),
                       _LEAST_TILT_WEIGHT)
+
+
+def _while_rough(plane: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+    """`FitData.plane` of fits that are not near their end, (fit, 5): without weight where the axis
+    lies. Any node may touch the table there, and an end that grew until it does would keep others
+    from it."""
+    stands = np.abs(np.einsum("fi,fi->f", plane[:, :3], rotation[:, :, 2])) > STANDS
+    return np.concatenate([plane[:, :4], np.where(stands[:, None], plane[:, 4:], 0.0)], axis=1)
 
 
 def _middle(sets: Sets, known: Middle, rotation: np.ndarray) -> np.ndarray:

@@ -221,9 +221,9 @@ def _body_residuals(theta, data: FitData, options: RevolutionOptions) -> Float[A
     foot, axis, height, radius = unpack(theta, data.rotation)
     bow = radius[2:] - 2.0 * radius[1:-1] + radius[:-2]
     down = data.plane[:3]
-    ends = jnp.stack([down @ foot, down @ (foot + height * axis)])
+    places = foot + height * jnp.linspace(0.0, 1.0, radius.shape[0])[:, None] * axis
     rim = jnp.sqrt(jnp.maximum(1.0 - (down @ axis) ** 2, 0.0) + 1e-12)
-    reach = jnp.max(ends + rim * jnp.stack([radius[0], radius[-1]]))
+    reach = jnp.max(places @ down + rim * radius)  # of a body that lies, any node's
     parts = [options.smoothing * bow, data.plane[4] * (reach - data.plane[3])[None]]
     if options.monotone != "none":
         # Relative to the world's z; the contour follows the axis.

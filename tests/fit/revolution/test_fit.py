@@ -65,6 +65,18 @@ def test_a_tilted_cylinder_without_a_table() -> None:
     assert (found.radius_std_m[:, 2:-2] < 1e-3).all()
 
 
+def test_a_barrel_that_lies_touches_the_table_with_its_middle() -> None:
+    rng = np.random.default_rng(11)
+    z, turn = rng.uniform(-0.06, 0.06, (4, 60)), rng.uniform(-np.pi, np.pi, (4, 60))
+    radius = 0.036 - 5.0 * z**2
+    points = np.stack([z, radius * np.cos(turn), 0.036 + radius * np.sin(turn)], axis=2)
+    points += 5e-4 * rng.normal(size=points.shape)
+    found = fit_revolution(points, table_z=0.0)
+    assert np.abs(found.axis[:, 0]).min() > 0.999
+    assert found.rms_m.max() < 1e-3
+    assert np.abs(found.radius_m.max(axis=1) - 0.036).max() < 1e-3
+
+
 def test_a_monotone_contour_never_rises() -> None:
     points = bottle(3, 40, 2e-3, np.random.default_rng(3))
     found = fit_revolution(points, table_z=0.0, options=RevolutionOptions(monotone="falling"))
