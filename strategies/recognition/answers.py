@@ -54,14 +54,14 @@ def recognize(
 ) -> Recognition:
     """The likeliest answer in each world, by `way` or by the first that there is evidence for.
 
-    `none_prior` is the probability of an object that is not among the models before anything is
-    felt.
+    A way that the models leave unused gives no answer. `none_prior` is the probability of an object
+    that is not among the models before anything is felt.
     """
     answer = no_answer(belief.worlds)
     names = np.array([*models.names, NONE], object)
     left = np.ones(belief.worlds, bool)
     for one in WAYS if way == AS_FELT else (way,):
-        if way == AS_FELT and one in models.unused:
+        if one in models.unused:
             continue
         if not left.any():
             break

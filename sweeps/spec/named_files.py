@@ -177,9 +177,14 @@ def with_models(
     from strategies.recognition.known_models import ModelsError, models_from_file
 
     try:
-        models_from_file(str(file))
+        unused = models_from_file(str(file)).unused
     except ModelsError as error:
         problems.add(path, str(error))
+    else:
+        if table.way in unused:
+            problems.add(("recognition", "way"), f"{table.way}: was not tried on every object of "
+                         f"{file.name}, so that nothing can be recognized by it; should be "
+                         "as_felt, or learn the objects with strategies that try it")
     return replace(table, models=str(file))
 
 

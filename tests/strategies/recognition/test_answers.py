@@ -128,6 +128,13 @@ def test_an_object_recovered_in_every_other_pair_of_episodes_is_learned() -> Non
     assert models.names == tuple(SIZES)
 
 
+def test_a_way_not_tried_on_every_object_gives_no_answer(known: KnownModels) -> None:
+    untried = replace(known.objects[1], name="new", tried={**known.objects[1].tried, FACES: 0})
+    found = answers(replace(known, objects=(*known.objects, untried)),
+                    batch(["block", "brick"], 50, faces=True), way=FACES)
+    assert found.name.tolist() == found.way.tolist() == ["", ""]
+
+
 def test_what_is_not_listed_is_none_of_these(known: KnownModels) -> None:
     found = answers(known, batch([UNLISTED] * 60, 51))
     assert (found.name == NONE).mean() > 0.75

@@ -73,6 +73,16 @@ def test_what_is_wrong_is_said_with_its_line(tmp_path: Path, lines: str, message
         read_spec(spec(tmp_path, lines))
 
 
+def test_a_way_that_the_models_leave_unused_is_refused(tmp_path: Path, mine: Path) -> None:
+    known = models_from_file("")
+    untried = replace(known.objects[0], tried={**known.objects[0].tried, "profile": 0})
+    mine.write_text(models_text(replace(known, objects=(untried, *known.objects[1:]))))
+    read_spec(spec(tmp_path, 'models = "mine.json"\n'))
+    with pytest.raises(SpecError, match=r":7: recognition.way: profile: was not tried on every "
+                                        r"object of mine.json"):
+        read_spec(spec(tmp_path, 'models = "mine.json"\nway = "profile"\n'))
+
+
 def test_ways_can_be_swept(tmp_path: Path) -> None:
     study = read_spec(spec(
         tmp_path, '[sweep.grid]\n"recognition.way" = ["as_felt", "catalogue_alignment"]\n'))
