@@ -209,6 +209,9 @@ _READ_WHERE: tuple[tuple[tuple[str, ...], Reads, str], ...] = (
     (("fit.upright_deg",), *_where("fit.table_plane", True)),
     (("decide.flat_below",), *_where("decide.ends", True)),
     (("stereo.missing_depth",), *_where("object.prior", "depth")),
+    (("stereo.missing_edges", "stereo.spurious_edges", "stereo.clutter", "stereo.flipped_pixels"),
+     lambda study: study.sees_silhouettes, "it is read where object.prior is silhouettes, or "
+     "contour.axis is stereo and an order has contour or decide"),
     (("recognition.none_prior",), *_where("recognition.way", "as_felt", "faces", "profile",
                                           "parameters")),
     (("robot.swept",), lambda study: any(

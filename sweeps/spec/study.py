@@ -128,6 +128,14 @@ class Study:
         return own and (self.searches("strategy.order")
                         or "containment" in self._procedures(strategy))
 
+    @property
+    def sees_silhouettes(self) -> bool:
+        """Whether silhouettes are cut out of images: for the prior, or for a contour's axis."""
+        return self.may_be("object.prior", {"silhouettes"}) or (
+            self.may_be("contour.axis", {"stereo"})
+            and any(_WHERE_READ["stereo"] & self._procedures(strategy)
+                    for strategy in self.strategies if not strategy.call))
+
     def _is_read(self, strategy: Strategy, section: str) -> bool:
         """Whether a strategy reads a table of `_WHERE_READ`."""
         if section == "stereo":
