@@ -18,6 +18,7 @@ from fit.interpretation_tree import FaceModel
 from fit.match_parameters import Population
 from strategies.recognition.descriptions import FACES, NUMBERS, WAYS
 from strategies.recognition.match_faces import closed_model
+from warpgrasp.objects.catalogue_names import NO_ANSWER, NONE_OF_THESE
 
 FORMAT = "warpgrasp models 1"
 SHIPPED = Path(__file__).with_name("models.json")
@@ -97,19 +98,28 @@ def _models_of(text: str) -> KnownModels:
     value = json.loads(text)
     if value["format"] != FORMAT:
         raise ValueError(f"format {value['format']!r:.40}, should be {FORMAT!r}")
+    if value["numbers"] != {way: list(names) for way, names in NUMBERS.items()}:
+        raise ValueError("numbers: are others than those that are compared")
     objects = tuple(_object_of(name, entry) for name, entry in value["objects"].items())
     if not objects:
         raise ValueError("objects: none")
+    for known in objects:
+        if known.name in ("", NONE_OF_THESE, NO_ANSWER):
+            raise ValueError(f"objects: {known.name!r} is no name of one")
+    unlisted = _object_of("", value["unlisted"])
+    if unlisted.populations.keys() != NUMBERS.keys():
+        raise ValueError(f"unlisted: wants {' and '.join(NUMBERS)}")
     temperature = {way: float(value["temperature"][way]) for way in WAYS}
     if not all(0 < t < np.inf for t in temperature.values()):
         raise ValueError("temperature: should be positive numbers")
-    return KnownModels(objects, _object_of("", value["unlisted"]), temperature,
-                       str(value["made_by"]))
+    return KnownModels(objects, unlisted, temperature, str(value["made_by"]))
 
 
 def _object_of(name: str, entry: Mapping[str, Any]) -> KnownObject:
     name.encode()  # rows are UTF-8; a ValueError where it has halves of characters
     tried, found = ({way: int(entry[key][way]) for way in WAYS} for key in ("tried", "found"))
+    if not all(0 <= found[way] <= tried[way] for way in WAYS):
+        raise ValueError(f"{name or 'unlisted'}: found should be from 0 to as many as were tried")
     populations = {way: _population_of(way, entry[way]) for way in NUMBERS if way in entry}
     faces = None
     if FACES in entry:

@@ -232,6 +232,21 @@ def test_a_scatter_that_is_no_number_is_refused(known: KnownModels, tmp_path: Pa
         models_from_file(str(file))
 
 
+@pytest.mark.parametrize(("change", "message"), [
+    (lambda file: file["objects"]["can"]["found"].update(parameters=-1), "can: found should be"),
+    (lambda file: file["objects"].update({NONE: file["objects"]["can"]}), "is no name of one"),
+    (lambda file: file["unlisted"].pop(PROFILE), "unlisted: wants profile and parameters"),
+    (lambda file: file["numbers"][PARAMETERS].reverse(), "numbers: are others")])
+def test_models_that_would_fail_or_mislead_later_are_refused(
+        known: KnownModels, tmp_path: Path, change: Any, message: str) -> None:
+    text = json.loads(models_text(known))
+    change(text)
+    file = tmp_path / "mine.json"
+    file.write_text(json.dumps(text))
+    with pytest.raises(ModelsError, match=message):
+        models_from_file(str(file))
+
+
 @pytest.mark.parametrize("text", ["", "[1]", "{", '{"format": "warpgrasp models 1"}', "\0"])
 def test_a_file_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
     file = tmp_path / "mine.json"

@@ -98,7 +98,8 @@ def felt(monkeypatch: pytest.MonkeyPatch) -> None:
         block = next(one for one in models_from_file("").objects if one.name == "block")
         kept = [one for one in known.objects if one.name not in contents]
         return replace(known, made_by=made_by, objects=(*kept, *(
-            replace(block, name=name, content=content, tried={**block.tried, "faces": 0})
+            replace(block, name=name, content=content, tried={**block.tried, "faces": 0},
+                    found={**block.found, "faces": 0})
             for name, content in contents.items())))
 
     monkeypatch.setattr("sweeps.episode.teaching.teach", teach)
