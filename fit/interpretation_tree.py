@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Int
 
-from fit.polyhedron import polyhedron_faces
+from fit.polyhedron import ROUNDED, polyhedron_faces
 from fit.rotation import matrix_of_quaternion, quaternion_of_matrix
 
 NULL = -1
@@ -128,7 +128,7 @@ def interpret(
     The best are those of least distances. `angle_rad` and `distance_m` bound the errors of a normal
     and a point. At most `most_null` touches belong to no face, and as few as possible. At most
     `MOST` assignments are verified; symmetric bodies have several equivalent ones. Raises
-    ValueError for arrays of the wrong shape.
+    ValueError for arrays of the wrong shape, and normals that are no unit vectors.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 2 or points.shape[1] != 3 or normals.shape != points.shape:
@@ -149,12 +149,15 @@ def interpret_sets(
 ) -> list[list[Interpretation]]:
     """`interpret` of each of several sets with one number of touches [m].
 
-    Raises ValueError for arrays of the wrong shape.
+    Raises ValueError as `interpret` does.
     """
     points, normals = np.asarray(points, float), np.asarray(normals, float)
     if points.ndim != 3 or points.shape[2] != 3 or normals.shape != points.shape:
         raise ValueError(f"sets of touches: points {points.shape}, normals {normals.shape}, "
                          "should both be (set, touch, 3)")
+    if not (np.abs(np.linalg.norm(normals, axis=2) - 1.0) <= ROUNDED).all():  # angles are by them
+        raise ValueError("sets of touches: a normal is no unit vector; divide it by its length, or "
+                         "leave that touch out")
     found: list[list[Interpretation]] = [[] for _ in points]
     if not model.faces:
         return found

@@ -87,6 +87,15 @@ def test_touches_of_parallel_faces_tell_no_turn_and_do_not_disturb_others() -> N
         one.assignment for one in interpret(both[1] * SIZE_M, both[1], box, **limits)]
 
 
+@pytest.mark.parametrize("length", [2.0, 0.0, np.nan])
+def test_normals_that_are_no_unit_vectors_are_refused(length: float) -> None:
+    """Angles between them would be wrong, and nothing would be found."""
+    box, normals = model_of_planes("box", CUBE, np.tile(SIZE_M, 2)), np.eye(3)
+    normals[1] *= length
+    with pytest.raises(ValueError, match="a normal is no unit vector; divide it by its length"):
+        interpret(np.eye(3) * SIZE_M, normals, box, angle_rad=0.1, distance_m=0.002)
+
+
 @pytest.mark.parametrize(("sets", "touches"), [(0, 3), (0, 0), (2, 0)])
 def test_no_sets_and_sets_without_touches_have_no_interpretation(sets: int, touches: int) -> None:
     box, nothing = model_of_planes("box", CUBE, np.tile(SIZE_M, 2)), np.zeros((sets, touches, 3))
