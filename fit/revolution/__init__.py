@@ -6,5 +6,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "fit": ["fit_revolution"],
     "geometry": ["RevolutionBody", "closed_contours", "revolution_inside", "revolution_surface",
         "revolution_volume"],
-    "record": ["Middle", "RevolutionFit", "RevolutionOptions"],
+    "record": ["STANDS", "Middle", "RevolutionFit", "RevolutionOptions"],
 })

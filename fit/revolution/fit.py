@@ -21,7 +21,7 @@ from fit.optimize.multistart import Problem, advance, finish, screen
 from fit.optimize.pieces import PIECE, divided, undivided
 from fit.option_checks import MOST_WEIGHT, checked_array, options_of
 from fit.prepare import Sets, prepare
-from fit.revolution.record import Middle, RevolutionFit, RevolutionOptions
+from fit.revolution.record import STANDS, Middle, RevolutionFit, RevolutionOptions
 from fit.revolution.residuals import BY_POINT, EXACT_COST, FitData, evaluate, normal_equations
 from fit.rotation import is_upward
 from fit.superquadric.starts import box_starts
@@ -30,8 +30,6 @@ TOUCH_STD_M = 0.001
 """Of a touch about the contour, which priors are weighed against [est]."""
 LEAST_MIDDLE_STD_M = TOUCH_STD_M / MOST_WEIGHT
 """Of a middle: one known better counts as this."""
-STANDS = 0.9
-"""Cosine of the angle between the axis of a start and the vertical up to which a body stands."""
 _LEAST_TILT_WEIGHT = 1e-3  # so that a sphere has one answer
 
 

@@ -15,6 +15,8 @@ from fit.option_checks import (
     check_numbers,
 )
 
+STANDS = 0.9
+"""Cosine of the angle between an axis and the vertical from which on a body stands on an end."""
 MOST_NODES = 128.0
 """Of a contour: the fit of more takes minutes to compile."""
 

@@ -7,7 +7,7 @@ from fit.fit_status import FitStatus, is_fitted
 from fit.implicit.record import FreeForms
 from fit.plane_record import PlaneFit
 from fit.point_sets import PointSets
-from fit.revolution.record import RevolutionFit
+from fit.revolution.record import STANDS, RevolutionFit
 from fit.superquadric.record import SuperquadricFit
 
 LARGE_RMS_M = 0.002
@@ -87,7 +87,8 @@ def revolution_advice(sets: PointSets, found: RevolutionFit, *, table_z_m: float
         if spread[2] < FLAT_SHARE * spread[0]:
             faces.append(name)
         height = found.height_m[index]
-        below = along.min() if table_z_m is None else 0.0
+        stands = table_z_m is not None and found.axis[index, 2] > STANDS
+        below = 0.0 if stands else along.min()
         beyond = max(height - along.max(), below)
         if beyond > END_SHARE * height:
             ends.append(f"{name} ({_mm(beyond)})")

@@ -37,16 +37,20 @@ def test_the_turn_without_a_touch_is_the_rest_of_a_circle_wherever_it_lies(sprea
         assert _open_turn_rad(arm) == pytest.approx(2.0 * np.pi - spread)
 
 
-@pytest.mark.parametrize(("low", "high", "table_z_m", "beyond_mm"), [
-    (0.02, 0.1, None, "20"), (0.02, 0.1, 0.0, ""), (0.0, 0.07, 0.0, "30"), (0.0, 0.07, None, "30"),
-    (0.001, 0.099, None, "")])
+@pytest.mark.parametrize(("low", "high", "table_z_m", "beyond_mm", "lies"), [
+    (0.02, 0.1, None, "20", False), (0.02, 0.1, 0.0, "", False), (0.02, 0.1, -0.03, "20", True),
+    (0.0, 0.07, 0.0, "30", False), (0.0, 0.07, None, "30", False),
+    (0.001, 0.099, None, "", False)])
 def test_a_body_may_end_beyond_its_touches_at_either_end_but_on_a_table(
-        low: float, high: float, table_z_m: float | None, beyond_mm: str) -> None:
+        low: float, high: float, table_z_m: float | None, beyond_mm: str, lies: bool) -> None:
     turn = np.linspace(0.0, 30.0, 60)
     touches = np.stack([0.03 * np.cos(turn), 0.03 * np.sin(turn), np.linspace(low, high, 60)], 1)
+    axis = np.array([[0.0, 0.0, 1.0]])
+    if lies:
+        touches, axis = np.roll(touches, 1, axis=1), np.roll(axis, 1, axis=1)
     values: dict[str, Any] = dict.fromkeys(field.name for field in fields(RevolutionFit))
     found = RevolutionFit(**values | {
-        "position_m": np.zeros((1, 3)), "axis": np.array([[0.0, 0.0, 1.0]]), "rms_m": np.zeros(1),
+        "position_m": np.zeros((1, 3)), "axis": axis, "rms_m": np.zeros(1),
         "height_m": np.array([0.1]), "status": np.array([FitStatus.converged])})
     said = revolution_advice(one_set(touches), found, table_z_m=table_z_m)
     assert [line.rsplit(": ", 1)[1] for line in said] == [f"a ({beyond_mm} mm)"] * bool(beyond_mm)
