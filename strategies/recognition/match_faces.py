@@ -89,10 +89,12 @@ def log_density_of_faces(
 
 def _log_density(faces: FeltFaces, found: Interpretation, std_m: float) -> float:
     on = np.array(found.assignment[:-1]) >= 0
-    spurious = int((~on).sum())
+    distances, spurious = _distances(faces.normals[on]), int((~on).sum())
+    # Some of those left over tell no distance, but alone fix the place one way: of any body, too.
+    placing = spurious + distances - _distances(faces.normals)
     square = float((found.away_m**2).sum()) / std_m**2
-    return (-0.5 * square - _distances(faces.normals[on]) * np.log(std_m * np.sqrt(2 * np.pi))
-            + spurious * (np.log(SPURIOUS) + BROAD))
+    return (-0.5 * square - distances * np.log(std_m * np.sqrt(2 * np.pi))
+            + spurious * (np.log(SPURIOUS) + BROAD) - placing * BROAD)
 
 
 def log_density_of_any(felt: Sequence[FeltFaces]) -> np.ndarray:

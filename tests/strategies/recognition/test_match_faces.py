@@ -56,6 +56,15 @@ def test_a_face_off_its_plane_is_less_likely_and_one_too_many_as_spurious() -> N
     assert neither == -np.inf  # of two faces none may be left over
 
 
+def test_a_face_too_many_that_alone_fixes_a_place_tells_no_distance() -> None:
+    """Neither of this body nor of any, so that both densities are of as many distances."""
+    assert BLOCK is not None
+    exact, more = log_density_of_faces([felt([1, 2]), felt([1, 2], strange=True)], BLOCK, STD_M)
+    assert more - exact == pytest.approx(np.log(SPURIOUS), abs=1e-3)
+    few, all_ = log_density_of_any([felt([1, 2]), felt([1, 2], strange=True)])
+    assert few == all_
+
+
 def test_planes_are_averaged_and_their_spread_is_that_of_their_errors() -> None:
     assert BLOCK is not None
     rng = np.random.default_rng(4)
