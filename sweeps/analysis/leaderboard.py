@@ -63,7 +63,7 @@ __all__ = ["METRICS", "Leaderboard", "LeaderboardError", "make_leaderboard"]
 Leaderboard = TextTable
 PLAIN = {"recognized": 4, "touches": 2, "robot_time_s": 2, "failure_rate": 4, "contacts": 2}
 """Columns without an interval, and their digits."""
-_DOINGS = ("iou", "touches", "robot_time_s", "contacts")
+_DOINGS = ("iou", "touches", "robot_time_s", "contacts", "recognized")
 """Columns by which two entries are told to do the same."""
 FEW_CONTACTS = 8.0
 """Contacts of an episode, in the mean, below which hardly any fit is possible."""

@@ -20,7 +20,7 @@ from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 from warpgrasp.objects.catalogue_names import NO_ANSWER
-from warpgrasp.parameters import SensorTable
+from warpgrasp.parameters import RecognitionTable, SensorTable
 
 COLUMNS = ("rank,strategy,chamfer_mm,chamfer_mm_ci_low,chamfer_mm_ci_high,delta_to_best_mm,"
            "delta_ci_low,delta_ci_high,p_best,iou,iou_ci_low,iou_ci_high,recognized,touches,"
@@ -300,3 +300,17 @@ def test_entries_that_did_the_same_are_told(tmp_path: Path) -> None:
         f"ring6 [sensors.tendon_threshold_N={n}] did the same as ring6 "
         "[sensors.tendon_threshold_N=3] in every episode: what differs between them changes "
         "nothing here" for n in (5, 7)]
+
+
+def test_entries_that_recognize_otherwise_did_not_do_the_same(tmp_path: Path) -> None:
+    @fake_episodes.cell_by_cell
+    def by_way(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        rows = fake_episodes.rows_of(replace(cell, recognition=RecognitionTable()), episodes)
+        return {**rows, "recognized": np.full(len(episodes), cell.recognition.way == "as_felt")}
+
+    plan = plan_of(tmp_path, SMALL + '[sweep.grid]\n"recognition.way" = '
+                   '["as_felt", "profile", "parameters"]\n')
+    notes = make_leaderboard(plan, [fill(tmp_path, plan, by_way)]).notes
+    assert {note.partition(" in every")[0] for note in notes if "did the same" in note} == {
+        f"{name} [recognition.way=parameters] did the same as {name} [recognition.way=profile]"
+        for name in ("mine", "ring6")}
