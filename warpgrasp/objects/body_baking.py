@@ -9,6 +9,7 @@ the distances to its mesh are baked; which side a node is on, the formula says. 
 spline of the nodes rounds by up to 0.4 mm.
 """
 
+import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -47,7 +48,8 @@ def touched_body(body: Body) -> Body:
     """
     if not distance_falls_short(body):
         return body
-    baked = cached_grid(f"{body.content}-{_CELLS}", lambda: _baked(body))
+    key = repr((body.content, body.low_m, body.high_m, _CELLS))  # the grid fills the body's box
+    baked = cached_grid(hashlib.sha256(key.encode()).hexdigest(), lambda: _baked(body))
     return replace(baked, name=body.name, doc=body.doc)
 
 

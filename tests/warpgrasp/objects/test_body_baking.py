@@ -1,5 +1,6 @@
 """What a hand touches: true distances, beside meshes that trimesh makes of the same solids."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,10 @@ from hypothesis import strategies as st
 
 from warpgrasp.geometry.body import Body, BodyError, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body
+from warpgrasp.objects import body_baking
 from warpgrasp.objects.body_baking import check_walls, distance_falls_short, touched_body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
+from warpgrasp.objects.grid_baking import baked_body
 from warpgrasp.objects.mesh_orientation import mesh_gap, mesh_of
 
 RADIUS, HEIGHT, WALL, BOTTOM = 40.0, 80.0, 5.0, 6.0
@@ -141,3 +144,19 @@ def test_a_thin_rod_beside_a_cut_is_there_to_be_touched(
     assert len(beside) > 20
     off, _ = distance_to_bodies(scene_of([touched], "cpu"), np.zeros(1, int), beside[None])
     assert np.abs(off).max() < 1.5e-3
+
+
+def test_a_grid_is_kept_for_the_box_that_it_fills(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """A body whose box was too small was touched so even when its box was right."""
+    def ball(body: Body) -> Body:
+        return baked_body(np.array(body.low_m), np.array(body.high_m),
+                          lambda points: np.linalg.norm(points, axis=1) - 0.01, 8)
+
+    monkeypatch.setenv("WARPGRASP_CACHE", str(tmp_path))
+    monkeypatch.setattr(body_baking, "_baked", ball)
+    right = cup(HEIGHT)
+    small = replace(right, low_m=(-0.02, -0.02, 0.0), high_m=(0.02, 0.02, 0.05))
+    assert touched_body(small).high_m == small.high_m
+    assert touched_body(right).high_m == right.high_m
