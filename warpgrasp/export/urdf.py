@@ -110,7 +110,7 @@ def _solid(solid: Solid, file: str, role: str) -> list[str]:
         return _shape(role, solid.place, f'<sphere radius="{_n(size[0])}"/>')
     if solid.kind == "ellipsoid":  # a ball's mesh would be scaled; URDF readers differ there
         raise ValueError("URDF knows no ellipsoid; export to MJCF")
-    return _shape(role, solid.place, f'<mesh filename="{file}"/>')
+    return _shape(role, solid.place, f"<mesh filename={quoteattr(file)}/>")
 
 
 def _obj(solid: Solid) -> str:

@@ -234,6 +234,14 @@ def test_what_cannot_be_said_is_refused(tmp_path) -> None:
         object_solids(hook)
 
 
+def test_a_urdf_names_meshes_by_any_name_of_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "a&b.urdf"
+    assert cli.run(["export", str(file), "--object", "wine_bottle"]) == 0
+    named = {mesh.get("filename", "") for mesh in ET.parse(file).iter("mesh")}
+    assert "a&b_object_0.obj" in named
+    assert all((tmp_path / name).is_file() for name in named)
+
+
 def test_hulls_larger_than_their_mesh_are_told(tmp_path: Path,
                                                capsys: pytest.CaptureFixture[str]) -> None:
     posts = [trimesh.creation.box([0.02, 0.02, 0.1], trimesh.transformations.translation_matrix(at))
