@@ -148,7 +148,8 @@ def read_urdf(file: Path) -> UrdfTree:
                             f"{joint_to[joint.child].name} as well, a loop; a hand should be a "
                             "tree")
         joint_to[joint.child] = joint
-    return UrdfTree(file, str(robot.name), _root(file, links, joint_to), links, joint_to)
+    name = str(robot.name) or file.stem[:_LONGEST]  # a robot may have no name, a hand's file not
+    return UrdfTree(file, name, _root(file, links, joint_to), links, joint_to)
 
 
 def _parsed(file: Path) -> Any:

@@ -303,6 +303,14 @@ def test_a_file_of_a_windows_editor_is_read(tmp_path: Path) -> None:
     assert hand_from_file(file) == hand_named("leap")
 
 
+def test_a_hand_of_a_robot_without_a_name_is_called_as_its_file(tmp_path: Path) -> None:
+    """It was written to a file that was not read."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "mine.urdf"
+    file.write_text(robot(GOOD).replace('name="x"', 'name=""'))
+    assert hand_from_urdf(file)[0].name == "mine"
+
+
 def test_the_command_writes_what_it_reads(tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("yourdfpy")
