@@ -16,8 +16,8 @@ UNIT = 1e-6
 class RevolutionBody:
     """Bodies of revolution, one per row; NaN after the last node of a contour.
 
-    Raises ValueError for arrays whose shapes disagree, and axes that are neither of length 1 nor
-    NaN.
+    Raises ValueError for arrays whose shapes disagree, axes that are neither of length 1 nor NaN,
+    heights that fall, negative radii, and nodes after one that is not finite.
     """
 
     foot_m: Float[np.ndarray, "fit 3"]
@@ -37,6 +37,15 @@ class RevolutionBody:
         if (wrong := np.abs(length - 1.0) > UNIT).any():  # heights are measured along them
             raise ValueError(f"axis: {np.asarray(self.axis)[wrong][0].tolist()}, should be of "
                              "length 1")
+        height, radius = np.asarray(self.height_m), np.asarray(self.radius_m)
+        known = np.isfinite(height) & np.isfinite(radius)
+        gap = (known[:, 1:] & ~known[:, :-1]).any(1) | np.isinf(height + radius).any(1)
+        for name, values, wrong, right in (
+                ("height_m", height, (height[:, 1:] < height[:, :-1]).any(1), "rising"),
+                ("radius_m", radius, (radius < 0.0).any(1), "0 or more"),
+                ("height_m", height, gap, "finite, as radius_m, and NaN after the last node")):
+            if wrong.any():
+                raise ValueError(f"{name}: {values[wrong][0].tolist()}, should be {right}")
 
     def __len__(self) -> int:
         return len(self.foot_m)

@@ -94,6 +94,22 @@ def test_an_axis_is_of_length_1_and_shapes_agree() -> None:
 
 
 @pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(("height", "radius", "said"), [
+    ([0.0, 0.1, 0.05], [0.03, 0.03, 0.03], r"height_m: \[0.0, 0.1, 0.05\], should be rising"),
+    ([0.0, 0.1, 0.2], [0.03, -0.03, 0.03], r"radius_m: \[0.03, -0.03, 0.03\], should be 0 or more"),
+    ([0.0, np.nan, 0.2], [0.03, 0.03, 0.03], r"height_m: \[0.0, nan, 0.2\], should be finite"),
+    ([0.0, 0.1, np.inf], [0.03, 0.03, 0.03], r"height_m: \[0.0, 0.1, inf\], should be finite"),
+])
+def test_contours_rise_from_node_to_node(height: list[float], radius: list[float], said: str
+                                         ) -> None:
+    """Others have a volume as well, and no point inside."""
+    place = np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]])
+    RevolutionBody(*place, np.array([[0.0, 0.0, np.nan]]), np.array([[0.03, 0.0, np.nan]]))
+    with pytest.raises(ValueError, match=said):
+        RevolutionBody(*place, np.array([height]), np.array([radius]))
+
+
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize("ask", [revolution_inside, revolution_distance])
 def test_points_are_sets_one_for_each_body(ask) -> None:
     """Rows of one set were taken for sets."""
