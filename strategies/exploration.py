@@ -32,7 +32,7 @@ from strategies.planners.probes import (
 )
 from strategies.planners.register import Foreseeing, Planner, fault_text, place_of
 from strategies.poses.hand_outline import outline_of
-from strategies.poses.waypoints import BoundingCylinder
+from strategies.poses.waypoints import BoundingCylinder, check_prior
 from strategies.procedures.containment import check_closings, explore_by_containment
 from strategies.procedures.contour_follower import explore_contour
 from strategies.procedures.contour_record import ContourExploration
@@ -96,13 +96,14 @@ def explore(
     `fits_on_way` bodies are fitted after the first step and at the end.
 
     Raises TypeError for a planner that cannot be called and for seeds that are no whole numbers,
-    ValueError for priors and seeds that are not one a world, and for closing paths that the hand
-    has not."""
+    ValueError for priors and seeds that are not one a world, for priors that are not finite or have
+    sizes of 0 or less, and for closing paths that the hand has not."""
     if not callable(planner):
         raise TypeError(f"planner: is {type(planner).__name__}; should be a function of a Belief, "
                         "such as `planner_of` makes of a Strategy")
     check_array("seed", seed, "whole numbers", "world", world=robot.worlds)
     check_array("prior.x_m", prior.x_m, "numbers", "world", world=robot.worlds)
+    check_prior(prior)
     check_closings(closings, robot.hand)
     run = RunningExploration(robot, prior, seed, table, closings, budget or Budget(), fits_on_way)
     if oracle is not None:

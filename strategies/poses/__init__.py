@@ -10,5 +10,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "postures": ["extended_finger", "opposed_pair", "poking_pose"],
     "waypoints": ["BoundingBox", "BoundingCylinder", "Column", "Hemisphere", "Opposing",
         "PRIOR_MARGIN_M", "Placement", "Random", "Ring", "Spiral", "Top", "WAYPOINT_KINDS",
-        "WaypointError"],
+        "WaypointError", "check_prior"],
 })

@@ -22,8 +22,9 @@ from strategies.poses.waypoints import (
     Spiral,
     Top,
     WaypointError,
+    check_prior,
 )
-from warpgrasp.core.array_checks import check_array, check_finite
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.parameters import HandTable
 
@@ -45,11 +46,10 @@ def waypoint_poses(
 
     Position [m] and quaternion xyzw in the robot's base frame. `key` (world,) uint64 draws the
     random families. Raises WaypointError for a file that cannot be used, and for what is no family;
-    ValueError or TypeError for keys of another shape or kind, and ValueError for a prior that is
-    not finite.
+    ValueError or TypeError for keys of another shape or kind, and for a prior that is not finite or
+    has sizes of 0 or less.
     """
-    for name in ("x_m", "y_m", "radius_m", "height_m"):
-        check_finite(f"prior.{name}", getattr(prior, name))
+    check_prior(prior)
     check_array("key", key, "whole numbers", "world", world=prior.worlds)
     if not isinstance(waypoints, Sequence):
         raise WaypointError(f"waypoints: are {waypoints!r}; should be a list of families, such as "

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from warpgrasp.core.array_checks import check_array, check_finite
 from warpgrasp.spec_words import number, spec_words
 
 PRIOR_MARGIN_M = 0.03
@@ -91,6 +92,22 @@ class BoundingBox(BoundingCylinder):
         """The azimuth of the face nearest to facing the robot's base [rad], (world,)."""
         turned = super().front() - self.yaw_rad
         return np.asarray(self.yaw_rad + np.round(turned / (pi / 2)) * (pi / 2))
+
+
+def check_prior(prior: BoundingCylinder) -> None:
+    """Raise ValueError or TypeError for a prior that is no cylinder or box: of numbers that are not
+    finite, or sizes that are not above 0."""
+    boxed = isinstance(prior, BoundingBox)
+    if boxed:
+        check_array("prior.half_m", prior.half_m, "numbers", "world 2", world=prior.worlds)
+        check_array("prior.yaw_rad", prior.yaw_rad, "numbers", "world", world=prior.worlds)
+    for name in ("x_m", "y_m", "radius_m", "height_m", *(("half_m", "yaw_rad") if boxed else ())):
+        value = np.asarray(getattr(prior, name))
+        check_finite(f"prior.{name}", value)
+        if name in ("radius_m", "height_m", "half_m") and (value <= 0.0).any():
+            world = int(np.argwhere(value <= 0.0)[0, 0])
+            raise ValueError(f"prior.{name}: is {value[value <= 0.0][0]:g} m in world {world}; "
+                             "should be above 0")
 
 
 def _unused(default: float) -> Any:

@@ -225,3 +225,14 @@ def test_a_prior_is_finite(name: str) -> None:
              "height_m": np.full(2, 0.1)} | {name: np.array([0.1, np.nan])}
     with pytest.raises(ValueError, match=rf"prior.{name}: is nan at \(1,\); should be finite"):
         waypoint_poses([Ring(count=2)], BoundingCylinder(**given), HAND, np.arange(2))
+
+
+@pytest.mark.parametrize("name", ["radius_m", "height_m", "half_m"])
+def test_a_prior_has_sizes_above_0(name: str) -> None:
+    """Poses about a radius below 0 were those of the other side."""
+    given = {"x_m": np.full(2, 0.45), "y_m": np.zeros(2), "radius_m": np.full(2, 0.05),
+             "height_m": np.full(2, 0.1), "half_m": np.full((2, 2), 0.03), "yaw_rad": np.zeros(2)}
+    waypoint_poses([Ring(count=2)], BoundingBox(**given), HAND, np.arange(2))
+    given[name][1] = -0.05
+    with pytest.raises(ValueError, match=rf"prior.{name}: is -0.05 m in world 1; should be above"):
+        waypoint_poses([Ring(count=2)], BoundingBox(**given), HAND, np.arange(2))
