@@ -78,10 +78,13 @@ def spread_array(name: str, value, shape: tuple[int, ...]) -> np.ndarray:
 
 
 def check_balls(free_points, free_radius, free_mask) -> None:
-    """Raises ValueError for radii or a mask of free space where no places are given."""
+    """Raises ValueError for radii or a mask of free space where no places are given, and for one
+    radius of all balls that is none or negative."""
     for name, value in (("free_radius", free_radius), ("free_mask", free_mask)):
         if free_points is None and value is not None:
             raise ValueError(f"{name}: given without free_points, should come with them")
+    if free_radius is not None and np.ndim(free_radius) == 0:
+        check_number("free_radius", np.asarray(free_radius)[()])
 
 
 def _plain(name: str, value, dtype) -> np.ndarray:

@@ -201,7 +201,7 @@ def _free(n, free_points, free_radius, free_mask, origin, scale) -> np.ndarray:
     radius = spread_array("free_radius", 0.0 if free_radius is None else free_radius, (n, balls))
     kept = checked_array("free_mask", np.ones((n, balls)) if free_mask is None else free_mask,
                          (n, balls), bool)
-    kept = kept & is_valid(free_points).all(axis=2) & is_valid(radius)
+    kept = kept & is_valid(free_points).all(axis=2) & is_valid(radius) & (radius >= 0.0)
     width = max(-(-balls // FREE_BUCKET), 1) * FREE_BUCKET
     free = np.zeros((n, 4, width))
     unit = (free_points - origin[:, None]) / scale[:, None, None]

@@ -76,15 +76,16 @@ def fit_implicit(
             Where touches agree with it, and far from them, the body stays that of the mean. A set
             at a touch of which it is no number is `bad_points`.
         table_z: height of a table, below which nothing of the body is [m].
-        free_points, free_radius, free_mask: balls [m] of known free space.
+        free_points, free_radius, free_mask: balls [m] of known free space; one whose place or
+            radius is no number, or whose radius is negative, does not count.
         options: see `ImplicitOptions`.
 
     Returns:
         `ImplicitFit`; a set that cannot be fitted has a `status` that says why.
 
     Raises:
-        ValueError: an array of the wrong shape, or a radius or mask of free points without the
-            points.
+        ValueError: an array of the wrong shape, a radius or mask of free points without the points,
+            or one radius of all that is none.
     """
     options = options_of(options, ImplicitOptions)
     check_balls(free_points, free_radius, free_mask)

@@ -37,7 +37,7 @@ def free_space(sets: Sets, mean: Mean, points, radius, mask) -> FreeSpace:
     shape = points.shape[:2]
     radius = spread_array("free_radius", 0.0 if radius is None else radius, shape)
     kept = checked_array("free_mask", np.ones(shape) if mask is None else mask, shape, bool)
-    kept = kept & is_valid(points).all(axis=2) & is_valid(radius)
+    kept = kept & is_valid(points).all(axis=2) & is_valid(radius) & (radius >= 0.0)
     points = np.where(kept[..., None], points, sets.origin[:, None])
     values = checked_array("mean", mean(read_only_view(points), np.arange(n)), shape)
     told = is_valid(values)

@@ -17,7 +17,7 @@ from scipy.spatial.distance import cdist
 from fit.arrays import is_valid
 from fit.fit_status import FitStatus
 from fit.implicit.record import ImplicitFit, Mean
-from fit.option_checks import checked_array
+from fit.option_checks import check_number, checked_array
 
 SQRT3 = 3.0**0.5  # not that of `process`, which brings JAX's solvers
 LEAST_SCALE = 1e-9
@@ -81,11 +81,12 @@ def fit_known(
     fewer than four touches has the status `too_few_points` and no body, one with a touch whose
     place, deviation or mean is no number `bad_points`. Balls of free space and normals that are
     none do not count; of the balls those of `free_mask` do, or all. Raises ValueError for arrays
-    whose shapes disagree.
+    whose shapes disagree, and for a radius that is none.
     """
     if normals.shape != points.shape or not mask.shape == sigma_m.shape == points.shape[:2]:
         raise ValueError(f"shapes disagree: points {points.shape}, mask {mask.shape}, normals "
                          f"{normals.shape}, sigma_m {sigma_m.shape}")
+    check_number("free_radius", free_radius)
     if free_points is not None:
         free_points = checked_array("free_points", free_points, (len(points), None, 3))
         free_mask = checked_array(

@@ -40,7 +40,8 @@ def fit_superquadric(
         table_z: height of the table the body stands on [m], for all or each fit; None: no table. A
             set that lies below it, or far above, is `bad_points`. That points are in metres cannot
             be told from them.
-        free_points, free_radius, free_mask: balls [m] of known free space.
+        free_points, free_radius, free_mask: balls [m] of known free space; one whose place or
+            radius is no number, or whose radius is negative, does not count.
         options: see `SuperquadricOptions`.
         start: fits to nearly the same points, one per set; fitted ones of finite parameters replace
             the screening, so that the result stays near that solution.
@@ -50,7 +51,7 @@ def fit_superquadric(
 
     Raises:
         ValueError: an array of the wrong shape, a radius or mask of free points without the points,
-            or a start that is no fits or of another length.
+            one radius of all that is none, or a start that is no fits or of another length.
     """
     options = options_of(options, SuperquadricOptions)
     sets = prepare(points, mask, covariance, normals, table_z, free_points, free_radius, free_mask)

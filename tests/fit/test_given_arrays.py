@@ -13,6 +13,7 @@ from fit.implicit.query import implicit_distance, implicit_slopes, implicit_valu
 from fit.implicit.volume import implicit_volume
 from fit.option_checks import checked_array
 from fit.plane import fit_plane
+from fit.prepare import prepare
 from fit.revolution.fit import fit_revolution
 from fit.superquadric.fit import fit_superquadric
 from fit.superquadric.geometry import superquadric
@@ -108,6 +109,21 @@ def test_balls_without_places_are_refused(fit: Callable, given: dict[str, Any]) 
     """They were passed over: the body was fitted as if no free space were known."""
     with pytest.raises(ValueError, match=r"free_.*: given without free_points, should "):
         fit(TOUCHES, **given)
+
+
+@pytest.mark.parametrize("fit", [fit_superquadric, fit_implicit])
+@pytest.mark.parametrize("radius", [-0.01, np.nan, np.inf])
+def test_a_radius_of_all_balls_is_a_length(fit: Callable, radius: float) -> None:
+    """Without a word the balls were points, let the body in, or did not count."""
+    with pytest.raises(ValueError, match=r"free_radius: .*, should be a finite number, 0 or more"):
+        fit(TOUCHES, free_points=np.zeros((2, 1, 3)), free_radius=radius)
+
+
+def test_a_ball_of_negative_radius_does_not_count() -> None:
+    found = prepare(TOUCHES, None, free_points=np.zeros((2, 2, 3)),
+                    free_radius=np.array([[0.01, -0.01]] * 2)).free
+    assert found is not None
+    assert (found[:, 3] > 0.0).sum(1).tolist() == [1, 1]
 
 
 def test_a_middle_is_one() -> None:
