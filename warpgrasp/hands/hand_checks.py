@@ -186,6 +186,10 @@ def _check_finger(finger: Finger) -> None:
     if len(finger.pads) > MOST_PADS:
         raise HandError(f"finger {finger.name}: {len(finger.pads)} pads; should be {MOST_PADS} at "
                         "most")
+    for what, named in (("pads", finger.pads), ("pad", [p.joint for p in finger.pad_places])):
+        if twice := [name for name in named if list(named).count(name) > 1]:
+            raise HandError(f"finger {finger.name}: {what}: link {twice[0]} twice; a link should "
+                            "bear one pad at most")
     for place in finger.pad_places:
         if place.joint not in finger.pads:
             raise HandError(f"finger {finger.name}: the place of a pad on {place.joint!r}, which "

@@ -255,6 +255,12 @@ def change(old: str, new: str) -> Callable[[str], str]:
             "axis_mm = [[0, 0, 0], [0, 0, 20]]\nradius_mm = 9\nside = [1, 0, 0]\n\n"
             "[[finger.joint]]"),
      "the place of a pad on 'joint_2.0', which is none of its pads"),
+    (change(r"^pads = \[.*", 'pads = ["joint_3.0", "joint_3.0"]'),
+     "finger index: pads: link joint_3.0 twice; a link should bear one pad at most"),
+    (change(r"^\[\[finger.joint\]\]", 2 * ('[[finger.pad]]\nlink = "joint_3.0"\n'
+            "axis_mm = [[0, 0, 0], [0, 0, 20]]\nradius_mm = 9\nside = [1, 0, 0]\n\n")
+            + "[[finger.joint]]"),
+     "finger index: pad: link joint_3.0 twice; a link should bear one pad at most"),
     # millimetres and degrees given as metres and radians, or the other way round
     (change(r"^tip_mm = .*", "tip_mm = [5000, 0, 0]"),
      r"finger index: its tip stands 5 m \(5,000 mm\) from joint joint_3.0; should be at most 0."),
