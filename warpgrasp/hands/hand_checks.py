@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from warpgrasp.hands.hand_frames import matrix_of, posture_angles
+from warpgrasp.hands.hand_frames import driven_angles, matrix_of, posture_angles
 from warpgrasp.hands.hand_model import (
     CLOSING_WORDS,
     SENSES,
@@ -19,6 +19,7 @@ from warpgrasp.hands.hand_model import (
     HandClosing,
     HandError,
     HandModel,
+    Opposed,
     Posture,
     Shape,
 )
@@ -114,6 +115,19 @@ def _check_touching(model: HandModel) -> None:
                             "fingers")
         check("opposed.start", model.opposed.start, postures, "posture")
         check("opposed.end", model.opposed.end, postures, "posture")
+        _check_closes(model.opposed, model)
+
+
+def _check_closes(pair: Opposed, model: HandModel) -> None:
+    """Each of two opposed fingers goes somewhere as it closes."""
+    start, end = (driven_angles(model, posture_angles(model, model.posture(name)))
+                  for name in (pair.start, pair.end))
+    moved = {joint.name for joint, way in zip(model.joints, np.abs(end - start), strict=True)
+             if way > NEAR}
+    for finger in model.fingers:
+        if finger.name in pair.fingers and moved.isdisjoint(joint.name for joint in finger.joints):
+            raise HandError(f"opposed: no joint of finger {finger.name} is elsewhere in posture "
+                            f"{pair.end} than in {pair.start}; one at least should be")
 
 
 def _check_tip_pad(what: str, name: str, model: HandModel) -> None:

@@ -246,6 +246,8 @@ def change(old: str, new: str) -> Callable[[str], str]:
     (change("^fingers = .*", 'fingers = ["index", "palm"]'),
      "opposed.fingers: there is no finger 'palm'"),
     (change('^end = "pinched"', 'end = "shut"'), "opposed.end: there is no posture 'shut'"),
+    (change('^end = "pinched"', 'end = "apart"'), "opposed: no joint of finger index is elsewhere "
+     "in posture apart than in apart; one at least should be"),
     (change("^effort_Nm = .*", "effort_Nm = true"), "effort_Nm: input should be a valid number"),
     (change("^thickness_mm = .*", "thickness_mm = 1000"), "pads.thickness_mm: input should be le"),
     (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
