@@ -12,6 +12,8 @@ from warpgrasp.parameters import ArmTable, HandTable
 _FARTHEST_M = 1.2
 _LATTICE_M = 0.05
 _ON_LINE = 64
+_WITHIN_M = 1e-9
+"""How far within its box a floating wrist is, whose places are rounded."""
 
 
 def hand_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray:
@@ -39,8 +41,11 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     """The reachable hand pose (7,) nearest to `hand_pose` (7,) that is turned as it is.
 
     To about 10 mm: a lattice is searched, then the line from its best place to the pose asked for.
-    None where no place of the lattice is reachable turned so.
+    None where no place of the lattice is reachable turned so. Of a floating wrist, whose box may
+    lie anywhere, to `_WITHIN_M`; None where its box has no room for the pose and its retreat.
     """
+    if is_floating(arm):
+        return _nearest_in_box(arm, hand, hand_pose)
     low, high = np.array([-_FARTHEST_M, -_FARTHEST_M, 0.0]), np.full(3, _FARTHEST_M)
     apart = float(np.linalg.norm(hand_pose[:3] - np.clip(hand_pose[:3], low, high)))
     best, beyond, wide = None, 0.0, 2 * _LATTICE_M
@@ -59,6 +64,17 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     on_line[:, :3] += share[:, None] * way
     barred = ~pose_reachable(arm, hand, on_line)
     return on_line[int(barred.argmax()) - 1] if barred.any() else on_line[-1]
+
+
+def _nearest_in_box(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np.ndarray | None:
+    """`nearest_reachable` of a floating wrist: flange and retreat of the flange are in its box."""
+    ahead = Rotation.from_quat(hand_pose[3:]).apply([0.0, 0.0, 1.0])
+    ahead = np.outer([hand.mount_length_m, hand.mount_length_m + RETREAT_M], ahead)
+    low = (np.asarray(arm.box_low_m) + ahead).max(0) + _WITHIN_M
+    high = (np.asarray(arm.box_high_m) + ahead).min(0) - _WITHIN_M
+    if (low > high).any():
+        return None
+    return np.concatenate([np.clip(hand_pose[:3], low, high), hand_pose[3:]])
 
 
 def _lattice(place: np.ndarray, beyond: float, within: float) -> np.ndarray:

@@ -105,6 +105,27 @@ def test_the_host_asks_as_the_kernel_moves() -> None:
     assert near[:3] == pytest.approx([1.0, 0.0, 0.5], abs=0.02)
 
 
+@pytest.mark.parametrize(("low", "high", "asked", "nearest"), [
+    ((-1.0, -1.0, 0.0), (3.0, 1.0, 1.5), (4.0, 0.2, 0.5), (3.0, 0.2, 0.5)),
+    ((1.5, -0.5, 0.0), (3.0, 0.5, 1.5), (0.45, 0.0, 0.5), (1.5, 0.0, 0.5)),
+    ((-1.0, -1.0, -0.5), (1.0, 1.0, 1.5), (0.4, 0.0, -3.0), (0.4, 0.0, -0.5 - HAND.mount_length_m)),
+    ((-1.0, -1.0, 0.0), (1.0, 1.0, 0.1), (0.4, 0.0, 3.0), None),  # no room for the retreat
+])
+def test_the_nearest_place_may_be_anywhere_in_the_box(low, high, asked, nearest) -> None:
+    """A lattice within 1.2 m of the base was searched."""
+    arm = replace(FLOATING, box_low_m=low, box_high_m=high)
+    pose = np.array([*asked, 1.0, 0.0, 0.0, 0.0])
+    found = nearest_reachable(arm, HAND, pose)
+    if nearest is None:
+        assert found is None
+        return
+    assert found is not None
+    assert found == pytest.approx([*nearest, *pose[3:]], abs=1e-8)
+    assert pose_reachable(arm, HAND, found)
+    step = 1e-4 * (pose[:3] - found[:3]) / np.linalg.norm(pose[:3] - found[:3])
+    assert not pose_reachable(arm, HAND, found + np.array([*step, 0.0, 0.0, 0.0, 0.0]))
+
+
 def test_links_and_drawing_follow_the_wrist() -> None:
     poses = random_poses(5, 0.5, 1.0)
     q = np.concatenate([floating_joints(flanges(poses)), np.full((5, 16), 0.2)], axis=1)
