@@ -19,6 +19,7 @@ from strategies.planners.guarded_call import guarded_call
 from strategies.planners.register import fault_text, place_of
 from strategies.recovery.belief import read_only
 from warpgrasp.core.plain_text import on_one_line
+from warpgrasp.objects.mesh_orientation import outward_faces
 
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
@@ -179,6 +180,9 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
     mesh = TriangleMesh(vertices, faces.astype(int))
     if mesh.volume_m3 <= 0.0:
         raise ValueError("the volume is not positive: should its faces look outwards?")
+    if not np.array_equal(outward_faces(mesh.vertices_m, mesh.faces), mesh.faces):
+        raise ValueError("a piece of it is inside out; the faces of each should look outwards, "
+                         "those of a cavity inwards")
     return mesh
 
 

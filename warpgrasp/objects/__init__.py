@@ -9,7 +9,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "families": ["family_table"],
     "floating": ["floating_parts"],
     "mesh_import": ["body_from_mesh", "mesh_triangles"],
-    "mesh_orientation": ["mesh_distance", "mesh_gap", "mesh_of", "simple_mesh_distance"],
+    "mesh_orientation": ["mesh_distance", "mesh_gap", "mesh_of", "outward_faces",
+        "simple_mesh_distance"],
     "stable_pose": ["body_in_stable_pose", "stable_poses"],
     "body_baking": ["check_walls", "touched_body"],
 })

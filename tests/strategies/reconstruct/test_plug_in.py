@@ -265,6 +265,19 @@ def test_meshes_are_checked(change, said: str) -> None:
         checked_mesh(change(*good), LOW, HIGH)
 
 
+def test_no_piece_of_a_mesh_is_inside_out() -> None:
+    """Its volume counted as less than nothing; that of a cavity should."""
+    ball, small = trimesh.creation.icosphere(1, 0.03), trimesh.creation.icosphere(1, 0.01)
+    faces = np.concatenate([ball.faces, small.faces[:, ::-1] + len(ball.vertices)])
+    for away in (0.0, 0.05):
+        vertices = np.concatenate([ball.vertices, small.vertices + [away, 0.0, 0.0]])
+        if not away:
+            assert len(checked_mesh((vertices, faces), LOW, HIGH).faces) == 160
+            continue
+        with pytest.raises(ValueError, match="a piece of it is inside out"):
+            checked_mesh((vertices, faces), LOW, HIGH)
+
+
 def test_the_mean_is_the_distance_to_what_was_recovered() -> None:
     points = np.array([[[0.05, 0, 0], [0, 0, 0.03], [0, 0.02, 0], [0, 0, 0]]])
     found = DistanceToRecovered(spheres())(points, np.array([1]))
