@@ -3,6 +3,7 @@
 import numpy as np
 import warp as wp
 
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.core.dtypes import real, transform, vec3
 from warpgrasp.core.kernel_launch import launch
 from warpgrasp.hands.hand_frames import driven_angles
@@ -29,11 +30,10 @@ def link_frames_batch(model: HandModel, q_rad: np.ndarray, *, device: str = "cpu
     """Frames of every finger's links in the palm's frame, (pose, finger, joint, 7): position [m],
     quaternion xyzw. Chains shorter than the longest repeat the frame of their last link.
 
-    `q_rad` has the angles of the driven joints [rad], (pose, driven). Raises ValueError for
-    another shape.
+    `q_rad` has the angles of the driven joints [rad], (pose, driven). Raises TypeError and
+    ValueError for other arrays.
     """
-    if q_rad.ndim != 2 or q_rad.shape[1] != len(model.driven):
-        raise ValueError(f"q_rad has shape {q_rad.shape}; wants (pose, {len(model.driven)})")
+    check_array("q_rad", q_rad, "numbers", "pose driven", driven=len(model.driven))
     place, axis, number = chain_tables(model)
     angle = np.where(number >= 0, driven_angles(model, q_rad)[:, number], 0.0)
     count, (fingers, joints) = len(q_rad), number.shape

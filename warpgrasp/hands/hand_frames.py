@@ -3,6 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.core.array_checks import check_array
 from warpgrasp.hands.hand_model import HandModel, Place, Posture
 
 
@@ -52,8 +53,10 @@ def fixed_angles(turn: np.ndarray) -> tuple[float, float, float]:
 def link_frames(model: HandModel, q_rad: np.ndarray) -> tuple[np.ndarray, ...]:
     """Frames of every finger's links in the palm's frame, (pose, joint of the finger, 4, 4).
 
-    `q_rad` has the angles of the driven joints, (pose, driven).
+    `q_rad` has the angles of the driven joints, (pose, driven) [rad]. Raises TypeError and
+    ValueError for other arrays, such as one with the angles of joints that follow.
     """
+    check_array("q_rad", q_rad, "numbers", "pose driven", driven=len(model.driven))
     angles = driven_angles(model, q_rad)
     found, first = [], 0
     for finger in model.fingers:
@@ -71,7 +74,8 @@ def link_frames(model: HandModel, q_rad: np.ndarray) -> tuple[np.ndarray, ...]:
 
 
 def finger_tips(model: HandModel, q_rad: np.ndarray) -> np.ndarray:
-    """Places of the tips in the palm's frame [m], (pose, finger, 3)."""
+    """Places of the tips in the palm's frame [m], (pose, finger, 3). Takes and raises what
+    `link_frames` does."""
     return np.stack([frames[:, -1, :3, :3] @ np.asarray(finger.tip_m) + frames[:, -1, :3, 3]
                      for finger, frames in zip(model.fingers, link_frames(model, q_rad),
                                                strict=True)], 1)

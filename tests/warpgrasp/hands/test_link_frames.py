@@ -1,5 +1,6 @@
 """Where the links of a hand are, against MuJoCo and yourdfpy reading the URDF themselves."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,7 @@ from places import SHARED
 
 from warpgrasp.hands.frames_batch import link_frames_batch
 from warpgrasp.hands.hand_file import SHIPPED, hand_from_file, hand_named
-from warpgrasp.hands.hand_frames import link_frames
+from warpgrasp.hands.hand_frames import finger_tips, link_frames
 from warpgrasp.hands.hand_model import HandModel
 from warpgrasp.hands.hand_writer import hand_text
 from warpgrasp.hands.urdf_hand import hand_from_urdf
@@ -95,8 +96,13 @@ def test_a_palm_further_out_and_held_joints(tmp_path: Path) -> None:
         assert np.abs(between - np.linalg.inv(frames[first]) @ frames[other]).max() < NEAR
 
 
+@pytest.mark.parametrize("of_angles", [finger_tips, link_frames, link_frames_batch])
 @pytest.mark.parametrize("name", SHIPPED)
-def test_other_shapes_are_refused(name: str) -> None:
+def test_other_shapes_are_refused(name: str, of_angles: Callable) -> None:
+    """Of more angles, as of all joints of a hand with followers, the first ones were taken."""
     model = hand_named(name)
-    with pytest.raises(ValueError, match="wants"):
-        link_frames_batch(model, np.zeros((2, len(model.driven) + 1)))
+    driven = len(model.driven)
+    of_angles(model, np.zeros((2, driven)))
+    for wrong in (np.zeros((2, driven + 1)), np.zeros((2, driven - 1)), np.zeros(driven)):
+        with pytest.raises(ValueError, match=r"q_rad: of shape .*; should be \(pose, driven "):
+            of_angles(model, wrong)
