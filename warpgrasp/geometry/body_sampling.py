@@ -21,6 +21,7 @@ from warpgrasp.geometry.surface_crossings import Crossings, surface_crossings
 _LOG2_POINTS = 18
 _FEW = 4096
 """Points inside below which cells are filled: a count of so many errs by less than 1 %."""
+_PAD = 0.03  # of the box's longest side, by which points go beyond it on each side
 _CELLS = 48  # along each side of the box
 _EVEN = 1.2207440846057596 ** -np.arange(1.0, 4.0)
 """Multiples of this spread evenly over the unit cube (Roberts 2018; a root of x^4 = x + 1)."""
@@ -108,7 +109,7 @@ def sample_body(
     """Sample a body, its surface by so many points, even over the area, or by every crossing that
     was found (None). Of as many points as crossings, quantiles of distances are three to ten times
     as near by the crossings and their shares. Raises ValueError for no points, BodyError where the
-    body has (almost) no volume or surface in its box.
+    body has (almost) no volume or surface in its box, or reaches out of it.
     """
     check_range("surface", 1 if surface is None else surface, 1, _MOST)
     check_range("inside", inside, 1, _MOST)
@@ -168,6 +169,10 @@ def _dense(
     inside = int((distance < 0.0).sum())
     if inside < 64:
         raise BodyError(f"{body.name}: almost no volume: do its parts cut each other away?")
+    out = ((points < body.low_m) | (points > body.high_m)).any(1)
+    if -distance[out].min() > 0.5 * _PAD * float(np.ptp([body.low_m, body.high_m], 0).max()):
+        raise BodyError(f"{body.name}: reaches out of its box from {body.low_m} to {body.high_m} "
+                        "[m]; low_m and high_m should be corners of one that holds it")
     if inside < _FEW:
         points, distance, box = _cell_distances(body, 0.5 * (box * inside / len(points)) ** (1 / 3))
         inside = int((distance < 0.0).sum())
@@ -207,7 +212,7 @@ def _strata(order: np.ndarray, share: np.ndarray, count: int) -> np.ndarray:
 def _box(body: Body) -> tuple[np.ndarray, np.ndarray]:
     """Corners of the body's box and a little more."""
     low, high = np.asarray(body.low_m), np.asarray(body.high_m)
-    pad = 0.03 * (high - low).max()
+    pad = _PAD * (high - low).max()
     return low - pad, high + pad
 
 

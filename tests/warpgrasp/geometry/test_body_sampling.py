@@ -1,5 +1,6 @@
 """Points a body is scored by."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 import trimesh
 from scipy.stats import qmc
 
-from warpgrasp.geometry.body import Body, Part, distance_to_bodies, scene_of
+from warpgrasp.geometry.body import Body, BodyError, Part, distance_to_bodies, scene_of
 from warpgrasp.geometry.body_sampling import sample_body, sobol_points
 from warpgrasp.geometry.scene import Shape
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -19,12 +20,13 @@ def test_sobol_points_are_scipys() -> None:
 
 
 def test_a_sample_is_of_its_bodys_own_box() -> None:
-    """Of one shape, in a box that holds it and in one that cuts it: two samples."""
+    """Of one shape, in two boxes that hold it: two samples."""
     ball = (Part(Shape.SPHERE, size_m=(0.03, 0.0, 0.0)),)
-    whole = sample_body(Body("whole", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.06)))
-    half = sample_body(Body("half", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.03)))
-    assert whole.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.01)
-    assert half.volume_m3 < 0.6 * whole.volume_m3
+    near = sample_body(Body("near", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.06)))
+    wide = sample_body(Body("wide", ball, (-0.03, -0.03, 0.0), (0.03, 0.03, 0.09)))
+    for sample in (near, wide):
+        assert sample.volume_m3 == pytest.approx(4 / 3 * np.pi * 0.03**3, rel=0.01)
+    assert not np.array_equal(near.surface_m, wide.surface_m)
 
 
 @pytest.mark.parametrize("turn", [[35, 45, 0], [45, 45, 30]])
@@ -91,3 +93,12 @@ def test_normals_of_a_grid_are_those_of_its_surface(tmp_path: Path) -> None:
 def test_a_sample_has_a_point_at_least(surface: int, inside: int, told: str) -> None:
     with pytest.raises(ValueError, match=told):
         sample_body(body_from_name("block"), surface=surface, inside=inside)
+
+
+def test_a_body_that_reaches_out_of_its_box_is_refused() -> None:
+    """It had the volume of what is in the box, and stable poses were sought without an end."""
+    block = body_from_name("block")
+    assert sample_body(block).volume_m3 == pytest.approx(576e-6, rel=2e-3)
+    for high in ((0.02, 0.02, 0.02), (0.03, 0.04, 0.115)):
+        with pytest.raises(BodyError, match=r"block: reaches out of its box from .* should be cor"):
+            sample_body(replace(block, low_m=(-high[0], -high[1], 0.0), high_m=high))
