@@ -114,9 +114,11 @@ class Part:
         """Raise BodyError where `superquadric` is none."""
         given = self.superquadric
         good = _are_numbers(given, 9) and min(given[:5]) > 0.0 and max(given[3:5]) <= 2.0
-        _check("superquadric", given, good and max(map(abs, given[5:7])) <= 1.0 and given[7] >= 0.0,
-               "half axes above 0 [m], exponents above 0 to 2, tapers from -1 to 1, a bend "
-               "from 0 [1/m] and its direction [rad] are wanted, nine numbers")
+        _check("superquadric", given, good and max(map(abs, given[5:7])) <= 1.0
+               and 0.0 <= given[7] * max(given[:3]) < 1.0,  # beyond, the body folds over
+               "half axes above 0 [m], exponents above 0 to 2, tapers from -1 to 1, a bend from 0 "
+               "to below 1 / the largest half axis [1/m] and its direction [rad] are wanted, nine "
+               "numbers")
 
 
 @dataclass(frozen=True)

@@ -39,6 +39,8 @@ GOOD: dict[Shape, dict[str, Any]] = {
      "exponents above 0 to 2"),
     (Shape.SUPERQUADRIC, {"superquadric": (-0.03, 0.03, 0.05, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0)},
      "half axes above 0"),
+    (Shape.SUPERQUADRIC, {"superquadric": (0.03, 0.03, 0.1, 1.0, 1.0, 0.0, 0.0, 10.5, 0.0)},
+     "a bend from 0 to below 1 / the largest half axis"),
     (Shape.SUPERQUADRIC, {"superquadric": (0.03, 0.03, 0.05, 1.0, 1.0)}, "nine numbers"),
 ])
 def test_parts_that_are_none_are_refused(shape: Shape, changed: dict[str, Any], said: str) -> None:
