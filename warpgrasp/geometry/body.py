@@ -84,13 +84,15 @@ class Part:
             z_r = self.profile_m
             good = _are_numbers(z_r, None, 2) and len(z_r) >= 2
             _check("profile_m", z_r, good and bool(
-                (np.diff(z_r, axis=0)[:, 0] > 0.0).all() and np.min(z_r, axis=0)[1] >= 0.0),
-                "two rows (z, r) [m] at least are wanted, z rising, no r negative")
+                (np.diff(z_r, axis=0)[:, 0] > 0.0).all() and np.min(z_r, axis=0)[1] >= 0.0
+                and np.max(z_r, axis=0)[1] > 0.0),
+                "two rows (z, r) [m] at least are wanted, z rising, no r negative, one above 0")
         elif self.shape == Shape.GRID:
             _check("grid_m", self.grid_m, _are_numbers(self.grid_m, None, None, None)
                    and min(self.grid_m.shape) >= 2, "distances [m] at (nx, ny, nz) nodes are "
                    "wanted, at least two along each axis")
-            _check("grid_cell_m", self.grid_cell_m, self.grid_cell_m > 0.0,
+            _check("grid_cell_m", self.grid_cell_m,
+                   _are_numbers(self.grid_cell_m) and self.grid_cell_m > 0.0,
                    "a length above 0 is wanted")
             _check("grid_origin_m", self.grid_origin_m, _are_numbers(self.grid_origin_m, 3),
                    "a position [m] is wanted")
