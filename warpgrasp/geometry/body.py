@@ -152,12 +152,13 @@ class Body:
 
     @property
     def content(self) -> str:
-        """A hash of the body's shape; the name does not enter."""
+        """A hash of the body's shape; neither the name nor the types of its numbers enter."""
         digest = hashlib.sha256()
         for part in self.parts:
-            digest.update(repr((int(part.shape), int(part.join), part.place, part.size_m,
-                                part.superquadric, part.grid_origin_m,
-                                part.grid_cell_m)).encode())
+            numbers = (tuple(map(float, values)) for values in (
+                part.place, part.size_m, part.superquadric, part.grid_origin_m))
+            digest.update(repr((int(part.shape), int(part.join), *numbers,
+                                float(part.grid_cell_m))).encode())
             digest.update(np.ascontiguousarray(part.profile_m, float).tobytes())
             digest.update(np.ascontiguousarray(part.grid_m, np.float32).tobytes())
         return digest.hexdigest()[:16]

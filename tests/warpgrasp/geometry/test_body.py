@@ -71,6 +71,15 @@ def test_bodies_that_are_none_are_refused() -> None:
             Body("can", (part,), *box)  # type: ignore[arg-type]
 
 
+def test_a_shape_is_the_same_in_numbers_of_another_type() -> None:
+    """Its hash, which seeds episodes, was another one."""
+    low, high = (-1.0, -1.0, 0.0), (1.0, 1.0, 2.0)
+    one, other = (Body("block", (Part(Shape.BLOCK, place=place, size_m=size),), low, high)
+                  for place, size in (((0.0,) * 6 + (1.0,), (2.0, 2.0, 2.0)),
+                                      ((0,) * 6 + (1,), (2, 2.0, np.float64(2.0)))))
+    assert one.content == other.content
+
+
 def test_points_may_be_a_list() -> None:
     body = Body("can", (Part(Shape.CYLINDER, **GOOD[Shape.CYLINDER]),), (-0.03, -0.03, 0.0),
                 (0.03, 0.03, 0.1))
