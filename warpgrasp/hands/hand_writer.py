@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Sequence
 
+from warpgrasp.core.plain_text import on_one_line
 from warpgrasp.hands.hand_model import SENSES, Box, Finger, HandJoint, HandModel, Place, Shape
 
 
@@ -18,7 +19,7 @@ def hand_text(model: HandModel, notes: Sequence[str] = (), *, guessed: bool = Fa
         "# quaternion (x, y, z, w); a joint stands in the frame of the link before it.",
         *(["# Lines marked GUESS are guesses from the URDF: look at each, and at the picture."]
           if guessed else []),
-        *(f"# Note: {note}." for note in notes), "",
+        *(f"# Note: {on_one_line(note)}." for note in notes), "",
         f"name = {_text(model.name)}", f"source = {_text(model.source)}",
         f"licence = {_text(model.licence)}",
         f"thumb = {_text(model.thumb)}{mark}",

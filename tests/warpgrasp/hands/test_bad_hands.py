@@ -319,6 +319,18 @@ def test_a_hand_of_a_robot_without_a_name_is_called_as_its_file(tmp_path: Path) 
     assert hand_from_urdf(file)[0].name == "mine"
 
 
+def test_a_note_of_a_link_whose_name_breaks_lines_is_a_comment(tmp_path: Path) -> None:
+    pytest.importorskip("yourdfpy")
+    file, out = tmp_path / "hand.urdf", tmp_path / "hand.toml"
+    file.write_text(robot([link("root"), link("pa&#10;lm"), joint("j0", "root", "pa&#10;lm"),
+                           link("q"), joint("j3", "root", "q"), *GOOD[1:3],
+                           joint("j1", "pa&#10;lm", "a"), GOOD[4]]))
+    model, notes = hand_from_urdf(file, palm="pa\nlm")
+    assert any("link pa\nlm is the palm" in note for note in notes)
+    out.write_text(hand_text(model, notes))
+    assert [j.name for j in hand_from_file(out).joints] == ["j1", "j2"]
+
+
 def test_the_command_writes_what_it_reads(tmp_path: Path,
                                           capsys: pytest.CaptureFixture[str]) -> None:
     pytest.importorskip("yourdfpy")
