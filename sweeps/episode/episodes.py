@@ -141,10 +141,11 @@ def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]
 
     The cells have one `batch_key`.
     """
-    made = {cell.object_name: cell_body(cell) for cell, _ in parts}
+    objects = [repr((cell.object_name, cell.body_table)) for cell, _ in parts]
+    made = {what: cell_body(cell) for what, (cell, _) in zip(objects, parts, strict=True)}
     names = list(made)
-    bodies = [made[cell.object_name] for cell, _ in parts]
-    numbers = sorted(range(len(parts)), key=lambda n: names.index(parts[n][0].object_name))
+    bodies = [made[what] for what in objects]
+    numbers = sorted(range(len(parts)), key=lambda n: names.index(objects[n]))
     rows = _rows_of([parts[n] for n in numbers], [bodies[n] for n in numbers], device)
     ends = np.cumsum([len(parts[n][1]) for n in numbers])
     found: dict[int, dict[str, np.ndarray]] = {}

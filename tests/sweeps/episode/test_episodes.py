@@ -54,6 +54,22 @@ def test_rows_hold_the_contract_and_a_cylinder_is_recovered(rows: dict) -> None:
         assert np.isfinite(rows[name]).all()
 
 
+def test_objects_of_one_name_are_each_their_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The last one stood in for all."""
+    given: list[str] = []
+
+    def felt(parts, bodies, device: str) -> dict[str, np.ndarray]:
+        given.extend(body.name for body in bodies)
+        return {"episode": np.concatenate([episodes for _, episodes in parts])}
+
+    monkeypatch.setattr("sweeps.episode.episodes._rows_of", felt)
+    block, bottle = (replace(CELL, body_table={"name": name}, object_name="it")
+                     for name in ("block", "wine_bottle"))
+    found = run_cells([(block, np.arange(2)), (bottle, np.arange(3)), (block, np.arange(4))], "cpu")
+    assert given == ["block", "block", "wine_bottle"]
+    assert [len(rows["episode"]) for rows in found] == [2, 3, 4]
+
+
 def test_rows_do_not_depend_on_the_batch(rows: dict) -> None:
     alone = run_episodes(CELL, np.array([4]), "cpu")
     for name, column in alone.items():
