@@ -37,7 +37,9 @@ class View:
         self.race = RaceView(self.plan, self.store)
         self.sweep: SweepView | None = None
         self.last: State | None = None
-        self.version = 0
+        # not from 0: a page that an earlier watch left open on this port would take another study's
+        # state for what it has seen
+        self.version = time.time_ns() // 1_000_000
         self._due = 0.0
 
     def state(self) -> State:

@@ -63,6 +63,14 @@ def test_it_answers_two_paths_on_the_loopback(server: Watcher) -> None:
     assert ask(server, "/", method="POST")[0] == 501
 
 
+def test_a_page_left_open_is_shown_what_is_watched_next(server: Watcher, tmp_path: Path) -> None:
+    """Its first state on the same port was taken for the last one of the study before."""
+    seen = json.loads(ask(server, "/state.json")[1])["version"]
+    fill(tmp_path / "next", plan_of(tmp_path / "other", SPEC.replace("seed = 7", "seed = 8")))
+    with Watcher(tmp_path / "next", 0, "chamfer_mm") as later:
+        assert later.state_after(str(seen)) is not None
+
+
 def test_pages_of_other_sites_get_nothing(server: Watcher) -> None:
     for host in ("evil.example", "evil.example:80", f"evil.example:{server.server_address[1]}"):
         assert ask(server, "/state.json", Host=host)[0] == 403
