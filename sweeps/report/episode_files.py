@@ -36,6 +36,7 @@ from sweeps.report.picture_process import Drawn, PictureProcess, attempt
 from sweeps.report.surfaces import draw_surfaces, surfaces_shown
 from sweeps.report.trust import choice_sentence, trust_sentence
 from sweeps.spec.cell import Cell
+from sweeps.spec.errors import StoreError
 from warpgrasp.parameters import ArmTable, FitTable, HandTable, ObjectTable
 from warpgrasp.probe_status import ProbeStatus
 from warpgrasp.robot import Grasps
@@ -88,11 +89,7 @@ def explore(
             continue
         write_atomic(out / file, picture)
         written.append(file)
-    if replay:
-        from sweeps.figures.replay_frames import make_replay
-        from sweeps.report.replay import write_replay
-
-        write_replay(make_replay(cell, block), out / "replay.html")
+    if replay and _replayed(cell, block, out / "replay.html"):
         written.append("replay.html")
     note(f"{block.status[0]}: {trust_sentence(block)}")
     if reconstruct == CHOSEN:
@@ -110,6 +107,21 @@ def explore(
     if block.rebuilt is not None and block.rebuilt.made[0]:
         note(f"{block.rebuilt.name_of(0)}: body made in {block.rebuilt.time_s:.1f} s")
     return [out / file for file in sorted(written)]
+
+
+def _replayed(cell: Cell, block: EpisodeBlock, file: Path) -> bool:
+    """Writes the replay; whether there is one. Where the robot did not move there is none, and why
+    it did not is said with the rest."""
+    from sweeps.figures.replay_frames import make_replay
+    from sweeps.report.replay import write_replay
+
+    try:
+        shown = make_replay(cell, block)
+    except StoreError as error:
+        say(f"{file}: not written: {error}")
+        return False
+    write_replay(shown, file)
+    return True
 
 
 def _pictures(

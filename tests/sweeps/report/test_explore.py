@@ -11,9 +11,11 @@ import trimesh
 from fit.implicit.record import TriangleMesh
 from fit.superquadric.geometry import Superquadric, superquadric, superquadric_surface
 from strategies import exploration_record
+from strategies.planners.register import planner
 from strategies.ready_made import DEFAULT, STRATEGIES
 from strategies.recovery.choose_model import Recovered, Shape
 from strategies.recovery.contact_verdict import verdicts_by_gap
+from strategies.strategy import Strategy
 from sweeps.episode.episodes import run_block
 from sweeps.figures.contacts import contacts_shown
 from sweeps.report.episode_files import explore
@@ -73,6 +75,20 @@ def test_the_note_of_a_row_is_said_and_files_of_an_earlier_episode_do_not_stay(
         assert f"\n{note}\n" in capsys.readouterr().err
     assert (tmp_path / "mine.csv").exists()
     assert (tmp_path / "surfaces.png").exists()
+
+
+def test_an_episode_without_a_motion_is_told_although_it_has_no_replay(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """That there is nothing to replay was all that was said."""
+    pytest.importorskip("viser")
+    planner("wants_nothing")(lambda: lambda belief: [])
+    written = explore(body_table={"name": "block"}, strategy=Strategy("idle", call="wants_nothing"),
+                      seed=0, yaw_rad=0.0, x_m=0.45, y_m=0.0, out=tmp_path, device="cpu",
+                      replay=True, reconstruct="superquadric")
+    assert "replay.html" not in [file.name for file in written]
+    said = capsys.readouterr().err
+    assert f"{tmp_path / 'replay.html'}: not written: nothing to replay" in said
+    assert "it did not try: its strategy wanted nothing" in said
 
 
 def test_as_much_of_a_surface_is_near_contacts_as_of_its_area() -> None:
