@@ -83,6 +83,13 @@ def count_of(value: int, name: str) -> int:
     return value
 
 
+def port_of(value: int) -> int:
+    """The port of a page: 0, one that is free, to 65535."""
+    if not 0 <= value <= 65535:
+        raise UsageError(f"--port: is {value}; should be a whole number from 0 to 65535")
+    return value
+
+
 def cores_of(workers: int | None, engine: str, address: str | None) -> int:
     """Worker processes: 1 if not given; a cluster that is named has cores of its own."""
     if address is not None and engine != "ray":

@@ -13,6 +13,7 @@ from sweeps.cli.app import (
     count_of,
     device_of,
     folders_and_kind,
+    port_of,
     refuse_idle,
 )
 
@@ -241,5 +242,5 @@ def show(folders: Folders, /, *, episode: int = 0, strategy: str | None = None,
     if port is not None and not live:
         raise UsageError("--port: is for --live")
     return replay.show(folders, out, strategy=strategy, body=object_, episode=episode,
-                       live=live, port=8080 if port is None else port,
+                       live=live, port=port_of(8080 if port is None else port),
                        device=device_of(device))

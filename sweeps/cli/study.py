@@ -16,6 +16,7 @@ from sweeps.cli.app import (
     app,
     cores_of,
     device_of,
+    port_of,
     refuse_existing,
     shard_of,
     timeout_of,
@@ -267,9 +268,7 @@ def watch(folder: Path, /, *, port: int | None = None, metric: str | None = None
     if terminal and (port is not None or open_):
         raise UsageError(f"{'--open' if open_ else '--port'}: is of the page; leave it or "
                          "--terminal out")
-    port = port or 0
-    if not 0 <= port <= 65535:
-        raise UsageError(f"--port: is {port}; should be a whole number from 0 to 65535")
+    port = port_of(port or 0)
     from sweeps.watch.view import watched_metric
 
     shown = watched_metric(folder, metric)

@@ -97,6 +97,15 @@ def test_an_option_that_says_nothing_is_refused(words: str, says: str, tmp_path:
     assert not [*tmp_path.glob("*.svg"), *tmp_path.glob("*.html"), *tmp_path.glob("*.xml")]
 
 
+@pytest.mark.parametrize("command", ["show study --live", "watch study"])
+@pytest.mark.parametrize("port", [-1, 65536])
+def test_a_port_that_there_cannot_be_is_refused(command: str, port: int,
+                                                capsys: pytest.CaptureFixture[str]) -> None:
+    """The live replay waited for its server forever."""
+    assert cli.run([*command.split(), "--port", str(port)]) == 2
+    assert f"--port: is {port}; should be a whole number from 0 to 65535" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(("command", "arguments"), [
     ("explore", " OBJECT\n"), ("table", " DIR... KIND\n"), ("figure", " DIR... KIND\n"),
     ("leaderboard", " DIR...\n"), ("rows", " DIR...\n"), ("report", " DIR...\n"),
