@@ -168,15 +168,16 @@ Counts = tuple[dict[str, int | str | None], int | None, int | None]
 
 def _sweep_counts(plan: Plan, store: Store) -> Counts:
     """How far a sweep is."""
+    named = _unit_files(store)  # once: a run may write more meanwhile
     done = failed = there = 0
     for unit in plan.units():
-        there += store.path(unit).exists()
-        if all(file.exists() for file in store.files(unit)):
+        there += unit.id in named
+        if unit.id in named and all(file.exists() for file in store.files(unit)):
             done += 1
         elif store.log(unit).exists():
             failed += 1
     return ({"units": plan.unit_count, "done": done, "failed": failed},
-            plan.unit_count - done - failed, _count_files(store) - there)
+            plan.unit_count - done - failed, len(named) - there)
 
 
 def _race_counts(store: Store, notes: Sequence[dict[str, Any]]) -> Counts | None:
@@ -188,7 +189,7 @@ def _race_counts(store: Store, notes: Sequence[dict[str, Any]]) -> Counts | None
              else f"not known: logs/{RACE_NOTE} cannot be read")
     failed = sum(1 for _ in store.logs.glob("*.failed.log"))
     left = sum(note["total"] - note["past"] for note in notes) if notes else None
-    return ({"race": state, "units": None, "done": _count_files(store),
+    return ({"race": state, "units": None, "done": len(_unit_files(store)),
              "failed": failed}, left, None)
 
 
@@ -278,5 +279,6 @@ def _show(board: Leaderboard, as_json: bool, over: str | None = None) -> None:
         note(line)
 
 
-def _count_files(store: Store) -> int:
-    return sum(1 for _ in store.units.glob("*.parquet"))
+def _unit_files(store: Store) -> set[str]:
+    """Names of the files of units, without their ending."""
+    return {file.stem for file in store.units.glob("*.parquet")}

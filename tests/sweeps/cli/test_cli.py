@@ -6,6 +6,7 @@ import subprocess
 import sys
 import time
 import tomllib
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,7 @@ from studies import SMALL, write_spec
 from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.run import worker
+from sweeps.run.plan import Plan, Unit
 from warpgrasp.hands.hand_file import hand_named
 from warpgrasp.hands.hand_writer import hand_text
 
@@ -165,6 +167,26 @@ def test_a_value_more_runs_only_its_own_units(
     assert "16 of 16 units are taken from" in capsys.readouterr().err
     assert (tmp_path / "all/leaderboard.csv").read_bytes() == (
         tmp_path / "fresh/leaderboard.csv").read_bytes()
+
+
+def test_a_unit_that_comes_while_units_are_counted_is_none_of_another_study(
+        swept: tuple[Path, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    """`status` counted such files a second time, as those of another study."""
+    store = commands.Store(swept[1])
+    plan = commands.plan_of(store)
+    first = store.path(next(iter(plan.units())))
+    content = first.read_bytes()
+    first.unlink()
+
+    def units_in_turn(self: Plan) -> Iterator[Unit]:
+        for unit in of_plan(self):
+            yield unit
+            first.write_bytes(content)
+
+    of_plan = Plan.units
+    monkeypatch.setattr(Plan, "units", units_in_turn)
+    assert commands._sweep_counts(plan, store) == (
+        {"units": 8, "done": 7, "failed": 0}, 1, 0)
 
 
 def test_a_folder_of_other_files_is_refused_and_left_as_it_is(
