@@ -17,7 +17,7 @@ from itertools import combinations
 
 import numpy as np
 
-from sweeps.analysis.entries import LeaderboardError, digits_of, sign_of
+from sweeps.analysis.entries import ROUNDING, LeaderboardError, digits_of, sign_of
 from sweeps.analysis.paired import Paired
 from sweeps.spec.errors import choose
 from sweeps.text_table import TextTable, number_text
@@ -52,8 +52,8 @@ def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> li
     for a, b in _chosen(paired.labels, sign * paired.means[metric][0], against):
         like, these = (exact.differences(b, over, simultaneous=False)
                        for over in ("like-these", "these"))
-        differences = of_objects[:, a] - of_objects[:, b]
-        episodes = [values[:, a] - values[:, b] for values in paired.values[metric]]
+        differences = _apart(of_objects[:, a], of_objects[:, b])
+        episodes = [_apart(values[:, a], values[:, b]) for values in paired.values[metric]]
         found.append(Pair(
             paired.labels[a], paired.labels[b], float(like.value[a]),
             (float(like.low[a]), float(like.high[a])), (float(these.low[a]), float(these.high[a])),
@@ -62,6 +62,13 @@ def compare_pairs(paired: Paired, metric: str, against: str | None = None) -> li
             variance_ratio([values[:, a] for values in paired.values[metric]],
                            [values[:, b] for values in paired.values[metric]])))
     return found
+
+
+def _apart(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+    """First minus second, in steps of what rounding makes of means: tests ask which differences
+    are equal, and 0.3 - 0.2 is not 0.2 - 0.1."""
+    step = ROUNDING * float(np.nan_to_num(np.abs([first, second])).max(initial=0.0))
+    return np.round((first - second) / step) * step if step > 0.0 else first - second
 
 
 def _chosen(labels: Sequence[str], key: np.ndarray, against: str | None) -> list[tuple[int, int]]:

@@ -15,10 +15,11 @@ from sweeps.analysis.curves import (
     curves_table,
     read_curves,
 )
-from sweeps.analysis.entries import LeaderboardError
+from sweeps.analysis.entries import Entry, LeaderboardError
 from sweeps.analysis.objects import ALSO, object_rows, objects_table
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import (
+    Pair,
     compare_pairs,
     episodes_test,
     holm,
@@ -115,6 +116,19 @@ def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
     assert [(p.first, p.second) for p in against] == [("sx", "s"), ("sxx", "s")]
     with pytest.raises(LeaderboardError, match="did you mean sxx"):
         compare_pairs(paired, "chamfer_mm", "sxxx")
+
+
+def test_differences_that_rounding_alone_tells_apart_are_equal() -> None:
+    """Two objects of four that are better by one episode in ten and two that are worse had a p of
+    0.5, since 0.8 - 0.7 is not 0.1; four episodes that differ by a third each had one of 6e-47."""
+    def found(*values: np.ndarray) -> Pair:
+        entries = Entry(0, "a", {}), Entry(1, "b", {})
+        return compare_pairs(Paired(entries, ("o",) * len(values), {"iou": values},
+                                    {"iou": np.zeros((1, 2))}, ()), "iou")[0]
+
+    shares = np.array([[7, 8], [1, 0], [1, 0], [7, 8]]) / 10
+    assert found(*(np.tile(share, (2, 1)) for share in shares)).p_objects == 1.0
+    assert found(np.array([[1, 2], [4, 5], [7, 8], [2, 3]]) / 3).p_episodes == 2.0**-3
 
 
 def test_the_best_is_compared_as_chosen_from_all_pairs() -> None:
