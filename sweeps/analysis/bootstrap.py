@@ -15,6 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sweeps.analysis.entries import ROUNDING
+
 OVER = ("like-these", "these")
 """What an interval is of: objects like these, or these objects with other episodes."""
 REPLICATES = 1000
@@ -109,9 +111,10 @@ class Estimate:
 
 
 def probability_best(means: np.ndarray, sign: float) -> np.ndarray:
-    """The share of replicates that each entry wins (ties shared); `sign` -1 if more is better."""
+    """The share of replicates that each entry wins (ties shared, also those that rounding alone
+    tells apart); `sign` -1 if more is better."""
     drawn = sign * means[1:][np.isfinite(means[1:]).all(axis=1)]
     if not len(drawn):
         return np.full(means.shape[1], np.nan)
-    wins = drawn == drawn.min(axis=1, keepdims=True)
+    wins = drawn - ROUNDING * np.abs(means[0]) <= drawn.min(axis=1, keepdims=True)
     return (wins / wins.sum(axis=1, keepdims=True)).mean(axis=0)

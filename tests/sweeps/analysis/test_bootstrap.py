@@ -126,6 +126,18 @@ def test_ties_share_the_win() -> None:
     assert probability_best(means_of(data), 1.0).tolist() == [0.5, 0.5]
 
 
+def test_ties_that_rounding_alone_breaks_share_the_win() -> None:
+    """Shares of ten episodes, of each object 0.3, 0.5 and 0.9 in turn: one won where both were
+    equal, and had 0.64 of the replicates."""
+    shares = np.array([[3, 9], [5, 3], [9, 5]])
+    data = np.arange(10)[None, :, None] < shares[:, None]
+    means = means_of(data.astype(float), seed=5)
+    apart = np.round(means[1:, 0] - means[1:, 1], 9)
+    best = probability_best(means, -1.0)
+    assert best[0] == pytest.approx(((apart > 0.0) + 0.5 * (apart == 0.0)).mean())
+    assert (apart == 0.0).mean() > 0.1
+
+
 def test_an_object_without_values_is_left_out() -> None:
     data = np.ones((3, 10, 2))
     data[1] = np.nan
