@@ -123,9 +123,12 @@ def _others(times: Sequence[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
 
 
 def dominating(error: np.ndarray, cost: np.ndarray) -> np.ndarray:
-    """[n, k]: whether entry k dominates entry n; both less is better."""
-    no_worse = (error[None] <= error[:, None]) & (cost[None] <= cost[:, None])
-    better = (error[None] < error[:, None]) | (cost[None] < cost[:, None])
+    """[n, k]: whether entry k dominates entry n; both less is better, and what rounding alone tells
+    apart is equal."""
+    apart = [values[None] - values[:, None] for values in (error, cost)]
+    near = [ROUNDING * np.abs(values)[:, None] for values in (error, cost)]
+    no_worse = (apart[0] <= near[0]) & (apart[1] <= near[1])
+    better = (apart[0] < -near[0]) | (apart[1] < -near[1])
     return no_worse & better
 
 

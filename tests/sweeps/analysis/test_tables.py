@@ -196,6 +196,13 @@ def test_dominance_by_definition(points: list[tuple[int, int]]) -> None:
             assert by[n, k] == (error <= e and cost <= c and (error, cost) != (e, c))
 
 
+def test_an_entry_is_dominated_by_a_cheaper_one_that_is_as_good_but_for_rounding() -> None:
+    """Shares of the same objects in another order: their means differ in the last bit."""
+    error = -np.array([[0.3, 0.2, 0.1], [0.1, 0.2, 0.3]]).mean(axis=1)
+    assert error[0] > error[1]
+    assert dominating(error, np.array([1.0, 2.0])).tolist() == [[False, False], [True, False]]
+
+
 def test_pareto_of_equal_cost_is_the_best(paired: Paired) -> None:
     first, *rest = table_rows(pareto_table(paired, "chamfer_mm"))
     assert (first["dominated_by"], first["p_front"]) == ("", "1.000")
