@@ -67,6 +67,12 @@ class Found:
         """Error after each fit, of all episodes that curves are drawn of."""
         return [steps for rows in self.rows for steps in rows.steps]
 
+    @property
+    def touches(self) -> np.ndarray:
+        """Those of the episodes that were run, as far as they are known."""
+        every = np.concatenate([rows.touches for rows in self.rows])
+        return every[np.isfinite(every)]
+
     def by_episode(self, worst: float) -> "Scores":
         """Scores by episode, the mean over the cases in which it was run so far."""
         episodes = [np.arange(unit.start, unit.stop) for unit, _ in self.units.values()]
@@ -225,14 +231,13 @@ class SweepView:
             one_sided = 2.0 * alpha_of(self.looks, pairs)
             verdict = "worse" if found.value > found.half_width(one_sided) else ""
             behind = found.value
-        touches = np.concatenate([rows.touches for found in self.found[n].values()
-                                  for rows in found.rows])
-        known = np.isfinite(touches)
+        touches = [known.mean() for found in self.found[n].values()
+                   if len(known := found.touches)]
         return Row(self.entries[n].label, six_digits(mean.value),
                    six_digits(max(mean.value - half, lowest)),
                    six_digits(min(mean.value + half, highest)), six_digits(behind), verdict,
                    sum(len(part.values) for part in scores[n].values()), len(scores[n]),
-                   six_digits(touches[known].mean()) if known.any() else None)
+                   six_digits(float(np.mean(touches))) if touches else None)
 
     def _worst(self) -> dict[int, float]:
         """What an episode without a score counts as on each object that has any."""

@@ -70,6 +70,20 @@ def test_a_finished_sweep_is_its_leaderboard(tmp_path: Path, metric: str) -> Non
     assert state.failures == (("fit_failed", failed),)
 
 
+def test_touches_are_means_over_objects_as_in_the_leaderboard(tmp_path: Path) -> None:
+    """Where units failed, they were those of the objects of which most episodes were run."""
+    plan = plan_of(tmp_path / "spec", SPEC.replace("= 130", "= 70"))
+    store = fill(tmp_path / "out", plan)
+    for unit in plan.units():
+        if unit.cell.object_name == "wedge" and unit.start == 0:
+            store.path(unit).unlink()
+            store.log(unit).write_text("it failed")
+    board = make_leaderboard(plan, [store])
+    theirs = {row[1]: float(row[board.header.index("touches")]) for row in board.rows}
+    for row in View(tmp_path / "out", "chamfer_mm").state().rows:
+        assert row.touches == pytest.approx(theirs[row.label], abs=0.006)
+
+
 @pytest.mark.parametrize("command", [("sweep",), ("race", "--within", "0.3")])
 def test_what_is_wrong_with_a_strategy_is_said(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
