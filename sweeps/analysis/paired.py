@@ -165,9 +165,9 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     there = [bool(np.isfinite(found).all()) for found in values[metrics[0]]]
     kept = there if any(there) else [True] * len(there)  # replicates of all are of the same objects
     known = {name: list(compress(found, kept)) for name, found in values.items()}
-    means = {name: replicate_means(
-                 of_objects if name == metrics[0] else _objects_filled(of_objects), seed, over)
-             if of_objects else np.full((1 + REPLICATES, len(entries)), np.nan)
+    nothing = np.full((1 + REPLICATES, len(entries)), np.nan)
+    means = {name: nothing if not of_objects else
+             (replicate_means if name == metrics[0] else _means_of_each)(of_objects, seed, over)
              for name, of_objects in known.items()}
     lost = [name for name, used in zip(objects, there, strict=True) if not used]
     count = len(objects) - len(lost)
@@ -177,6 +177,16 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
                   (*reading_notes(plan, missing, count), *lost_notes(lost, metrics[0]),
                    *few_episodes_note(count, sum(map(len, known[metrics[0]]))),
                    interval_note(over)), over)
+
+
+def _means_of_each(of_objects: Sequence[np.ndarray], seed: int, over: str | None) -> np.ndarray:
+    """`replicate_means` of every entry over the objects where it has values; NaN, and no other's
+    loss, for one that has none anywhere."""
+    whole = _objects_filled(of_objects)
+    known = np.isfinite(whole[0].sum(axis=0))
+    found = np.full((1 + REPLICATES, whole[0].shape[1]), np.nan)
+    found[:, known] = replicate_means([values[:, known] for values in whole], seed, over)
+    return found
 
 
 def _objects_filled(of_objects: Sequence[np.ndarray]) -> list[np.ndarray]:

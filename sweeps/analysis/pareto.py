@@ -36,7 +36,8 @@ class Pareto:
     idle: np.ndarray
     """Whether an entry is no better than what it was given, which took no time."""
     p_front: np.ndarray
-    """The share of bootstrap replicates in which nothing dominates the entry."""
+    """The share of bootstrap replicates in which nothing dominates the entry; NaN for one whose
+    units all failed, which took no time that is known."""
 
 
 def columns_of(metric: str) -> list[str]:
@@ -53,9 +54,10 @@ def find_front(paired: Paired, metric: str) -> Pareto:
     by = dominating(sign * error[0], cost[0]) & ~idle[0]
     best = tuple(min(np.flatnonzero(row), key=lambda n: (sign * error[0, n], n), default=None)
                  for row in by)
-    drawn = [~dominating(sign * e, c).any(axis=1) & ~beaten
+    known = np.isfinite([error[0], cost[0]]).all(axis=0)
+    drawn = [np.where(known, ~dominating(sign * e, c).any(axis=1) & ~beaten, np.nan)
              for e, c, beaten in zip(error[1:], cost[1:], idle[1:], strict=True)
-             if np.isfinite([e, c]).all()]
+             if known.any() and np.isfinite([e[known], c[known]]).all()]
     errors = paired.statistics(metric).values(paired.over, bounds_of(metric))
     return Pareto(sensible_ends(errors), _costs(paired, metric),
                   tuple(None if n is None else int(n) for n in best), idle[0],

@@ -255,6 +255,25 @@ def test_nobody_made_the_touches_of_units_that_failed(tmp_path: Path) -> None:
     assert pareto["s"]["p_front"] == "1.000"
 
 
+def test_a_strategy_whose_units_all_failed_leaves_the_front_to_the_others(tmp_path: Path) -> None:
+    """Nobody's time was known then: no entry was dominated, and none had a p_front."""
+    def fronts(names: int, failed: str) -> dict[str, tuple[str, str]]:
+        folder = tmp_path / f"{names}"
+        plan, store = wide_study(folder, wide_text(names, 3, 8))
+        for unit in plan.units():
+            if unit.cell.strategy.name == failed:
+                store.path(unit).unlink()
+                store.log(unit).write_text("it broke")
+        found = KINDS["pareto"][0](Asked(plan, [store], "chamfer_mm", None, None))
+        return {row["strategy"]: (row["dominated_by"], row["p_front"])
+                for row in table_rows(found)}
+
+    found = fronts(3, "sxx")
+    assert found.pop("sxx")[1] == "NA"
+    assert found == fronts(2, "")
+    assert found["sx"][0] == "s"
+
+
 def test_replicates_of_all_metrics_are_of_the_same_objects(tmp_path: Path) -> None:
     """Where an object is lost for the first metric, others were drawn apart from it."""
     plan, store = wide_study(tmp_path, wide_text(2, 4, 8))
