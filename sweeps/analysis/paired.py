@@ -244,7 +244,7 @@ def by_episode(rows: np.ndarray, episodes: Sequence[tuple[int, int]]) -> np.ndar
 
 def few_episodes_note(objects: int, episodes: int) -> Iterator[str]:
     """A warning where the interval of these objects rests on few episodes of all of them."""
-    if objects < episodes < FEW_EPISODES:
+    if 0 < objects < episodes < FEW_EPISODES:
         of = "one object" if objects == 1 else f"{objects} objects"
         yield (f"{of}, {episodes} episodes in all: below {FEW_EPISODES} the interval of these "
                "objects holds less often than 95 % if a few are far worse than the rest")

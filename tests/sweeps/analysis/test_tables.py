@@ -25,7 +25,7 @@ from sweeps.analysis.curves import (
 )
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.objects import ALSO, median_interval, object_rows, objects_table
-from sweeps.analysis.paired import Paired, read_paired
+from sweeps.analysis.paired import NO_OBJECTS, Paired, read_paired
 from sweeps.analysis.pairs import (
     compare_pairs,
     pairs_table,
@@ -253,6 +253,17 @@ def test_nobody_made_the_touches_of_units_that_failed(tmp_path: Path) -> None:
         board["sx"]["touches"], board["sx"]["robot_time_s"])
     assert {row[key] for row in rest for key in ("touches", "robot_time_s")} == {"NA"}
     assert pareto["s"]["p_front"] == "1.000"
+
+
+def test_where_no_object_has_a_value_nothing_is_said_of_intervals(tmp_path: Path) -> None:
+    """"0 objects, 16 episodes in all: below 48 the interval of these objects holds less often"."""
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 8))
+    for unit in plan.units():
+        store.path(unit).unlink()
+        store.log(unit).write_text("it broke")
+    notes = read_paired(plan, [store], ["chamfer_mm"]).notes
+    assert NO_OBJECTS in notes
+    assert not any("below 48" in note for note in notes)
 
 
 def test_a_strategy_whose_units_all_failed_leaves_the_front_to_the_others(tmp_path: Path) -> None:
