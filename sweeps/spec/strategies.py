@@ -71,8 +71,10 @@ def _read_strategy(table: Any, path: KeyPath, base_dir: Path,
         if key in table and (names := read_names(key, table[key], (*path, key), problems)):
             strategy = replace(strategy, **{key: names})
     numbers = {key: table[key] for key in NUMBERS if key in table}
-    budget = _read_budget(table.get("budget", {}), (*path, "budget"), problems)
-    strategy = replace(strategy, **read_table(Strategy, numbers, path, problems), **budget)
+    strategy = replace(strategy, **read_table(Strategy, numbers, path, problems))
+    if "budget" in table:  # in place of the whole budget of a ready-made strategy
+        strategy = replace(strategy, **{**dict.fromkeys(BUDGET_KEYS), **_read_budget(
+            table["budget"], (*path, "budget"), problems)})
     return _read_call(strategy, table, path, base_dir, problems)
 
 

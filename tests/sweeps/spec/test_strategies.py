@@ -241,3 +241,15 @@ def test_a_planner_that_ships_brings_its_budget_where_an_entry_has_none(
     file.write_text(f'schema = 1\nobjects = ["block"]\n{MINE}{lines}\n')
     strategy = read_spec(file).strategies[0]
     assert (strategy.touches, strategy.robot_time_s) == budget
+
+
+@pytest.mark.parametrize(("given", "budget"), [
+    ("{}", (None, None)), ("{ robot_time_s = 60 }", (None, 60.0)), ("{ touches = 8 }", (8, None))])
+def test_a_budget_stands_in_place_of_that_of_the_ready_made_strategy(
+        tmp_path: Path, given: str, budget: tuple[int | None, float | None]) -> None:
+    """Its 96 touches counted, too."""
+    file = tmp_path / "study.toml"
+    file.write_text('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "coverage"\n'
+                    f"budget = {given}\n")
+    strategy = read_spec(file).strategies[0]
+    assert (strategy.touches, strategy.robot_time_s) == budget
