@@ -32,6 +32,8 @@ class PlannerFile:
     beside: Mapping[str, str]
 
 
+RUNNING: list[Path] = []
+"""Files that are being run now."""
 _RUN: dict[Path, PlannerFile] = {}
 _SET: dict[str, tuple[str | None, str | None]] = {}
 """Environment variables that such files have changed as they were run: as they were, and are."""
@@ -79,6 +81,7 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
     sys.modules[label] = module
     sys.path.insert(0, folder)
     importlib.invalidate_caches()
+    RUNNING.append(place)
     try:
         with guarded_call(), redirect_stdout(sys.stderr):  # results stay clean of what it prints
             spec.loader.exec_module(module)
@@ -90,6 +93,7 @@ def _run(file: Path, place: Path, content: str) -> PlannerFile:
         raise PlannerError(f"{file}:{_line_in(error, str(place))}: {type(error).__name__}: "
                            f"{error}") from None
     finally:
+        RUNNING.remove(place)
         if folder in sys.path:
             sys.path.remove(folder)
         _taken_out(folder)

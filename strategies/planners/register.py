@@ -19,7 +19,9 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from strategies.planners.guarded_call import EndedProcess
+from strategies.planners.planner_file import RUNNING
 from strategies.planners.probes import Grasp, Probe, ProbeError
+from strategies.ready_made import STRATEGIES
 from strategies.recovery.belief import Belief
 from strategies.recovery.choose_model import Recovered
 from warpgrasp.core.plain_text import on_one_line
@@ -29,8 +31,18 @@ PLANNERS: dict[str, tuple[Callable[..., Any], str]] = {}
 
 
 def planner(name: str, doc: str = "") -> Callable[[Maker], Maker]:
-    """Register a planner under a name, for `strategy = "name"` in a spec."""
+    """Register a planner under a name, for `strategy = "name"` in a spec.
+
+    A planner of a file that a spec names is found in its file, and under this name nowhere. Raises
+    ValueError for the name of a strategy that ships.
+    """
     def register(found: Maker) -> Maker:
+        if not str(getattr(found, "__module__", "")).startswith("strategies.planners."):
+            if name in STRATEGIES:
+                raise ValueError(f"planner {name!r}: a strategy that ships has this name; give "
+                                 "yours another one")
+            if RUNNING:
+                return found
         PLANNERS[name] = (found, doc or first_line(found))
         return found
 

@@ -2,10 +2,13 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 from places import ROOT
 
+from strategies.planners.planner_file import PlannerError
+from strategies.planners.registry import find_planner
 from strategies.ready_made import run_together
 
 
@@ -27,3 +30,31 @@ def test_units_run_together_where_their_planner_lets_them(
         call: str, models_alone: bool, with_free_forms: bool) -> None:
     assert run_together(call, False) == models_alone
     assert run_together(call, True) == with_free_forms
+
+
+NAMED = """from strategies.planners.register import planner
+
+
+@planner("{name}")
+def mine(belief):
+    return []
+"""
+
+
+def test_a_planner_of_a_file_is_known_there_alone(tmp_path: Path) -> None:
+    """Its name was known too where the file had been run before: when a spec is checked, but not
+    where the strategy of that name is run."""
+    file = tmp_path / "mine.py"
+    file.write_text(NAMED.format(name="of-a-file"))
+    assert find_planner(f"{file}:mine")(None) == []
+    with pytest.raises(PlannerError, match="no strategy 'of-a-file'"):
+        find_planner("of-a-file")
+
+
+def test_no_planner_takes_the_place_of_one_that_ships(tmp_path: Path) -> None:
+    before = find_planner("coverage")
+    file = tmp_path / "mine.py"
+    file.write_text(NAMED.format(name="coverage"))
+    with pytest.raises(PlannerError, match=r"mine\.py:4: ValueError: planner 'coverage': a strat"):
+        find_planner(f"{file}:mine")
+    assert find_planner("coverage") is before
