@@ -93,7 +93,10 @@ def object_of_argument(what: str, units: str | None,
     table = {"object": what, **table} if set(table) == {"name"} else table
     table = table | {"name": pose_name(str(table["name"]), stable_pose),
                      "stable_pose": stable_pose}
-    _build(table, Path())
+    try:
+        _build(table, Path())
+    except ObjectError as error:
+        raise ObjectError(f"--stable-pose: of {what}: {error}") from None
     return table
 
 

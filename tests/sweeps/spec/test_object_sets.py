@@ -62,6 +62,8 @@ def test_objects_lie_in_stable_poses() -> None:
     assert read([{"family": "box", "count": 1, "stable_pose": 1}])[0] == ["box-0-pose-1"]
     assert object_of_argument("block", None, 2) == {
         "object": "block", "name": "block-pose-2", "stable_pose": 2}
+    with pytest.raises(ObjectError, match=r"^--stable-pose: of wedge: .* there are 5 stable"):
+        object_of_argument("wedge", None, 99)
 
 
 def test_a_pose_is_no_name() -> None:
