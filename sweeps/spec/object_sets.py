@@ -15,6 +15,7 @@ from warpgrasp.objects.catalogue_names import (
     NAME_LIMIT,
     PUBLIC,
     SETS,
+    family_hint,
     member_of_family,
 )
 
@@ -97,7 +98,9 @@ def _named(value: Mapping[str, Any], path: KeyPath, problems: Problems) -> Itera
     elif isinstance(what, str) and what in BODY_NAMES:
         yield {"object": what, "name": what} | own
     else:
-        problems.add((*path, "object"), f"no object {short(what)}; {choose(what, BODY_NAMES)}")
+        hint = family_hint(what) if isinstance(what, str) else ""
+        problems.add((*path, "object"), f"no object {short(what)}; {hint}"
+                     f"{choose(what, BODY_NAMES)}")
 
 
 def member_table(name: str) -> dict[str, Any]:

@@ -17,7 +17,12 @@ from scipy.spatial.transform import Rotation
 
 from warpgrasp.geometry.body import Body, BodyError, Part
 from warpgrasp.geometry.scene import Join, Shape
-from warpgrasp.objects.catalogue_names import BODY_NAMES, NAME_LIMIT
+from warpgrasp.objects.catalogue_names import (
+    BODY_NAMES,
+    NAME_LIMIT,
+    family_hint,
+    member_of_family,
+)
 from warpgrasp.objects.grid_baking import triple
 from warpgrasp.objects.mesh_import import LARGEST_M, SMALLEST_M, body_from_mesh, can_be_explored
 from warpgrasp.objects.stable_pose import body_in_stable_pose
@@ -28,11 +33,17 @@ _LARGEST_COMPOUND = 64
 
 @cache
 def body_from_name(name: str) -> Body:
-    """A catalogue object. Raises BodyError listing what there is for an unknown name."""
+    """An object of the catalogue, or a member of a family such as "mug-17". Raises BodyError
+    listing what there is for an unknown name."""
+    if member_of_family(name):
+        from warpgrasp.objects.families import family_table  # needs Warp, for random numbers
+
+        return body_from_table(family_table(name) or {}, Path())
     if name not in BODY_NAMES:
         close = get_close_matches(name, BODY_NAMES, 1)
         hint = f"did you mean {close[0]}? " if close else ""
-        raise BodyError(f"no object {name!r}; {hint}there are: {', '.join(BODY_NAMES)}")
+        raise BodyError(f"no object {name!r}; {family_hint(name)}{hint}there are: "
+                        f"{', '.join(BODY_NAMES)}")
     doc = BODY_NAMES[name]
     simple = {
         "block": (Shape.BLOCK, (0.060, 0.080, 0.120)),

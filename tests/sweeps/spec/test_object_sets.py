@@ -33,6 +33,7 @@ def test_members_of_families_by_name_and_by_set() -> None:
     ("drill-1", "no object 'drill-1'; made by seed, such as mug-1, are mug, bowl"),
     ({"meshes": "none/*.ply", "units": "m"}, "no file matches"), ({"meshes": 3}, "pattern"),
     ({"meshes": "*.ply", "unit": "m"}, "unknown key"), ({"object": "blok"}, "block"),
+    ({"object": "mug-2000"}, "no object 'mug-2000'; mug-0 to mug-1999 are made by seed"),
     ({"object": "block", "units": "m"}, "unknown key"),
     ({"object": "block", "stable_pose": 0}, "likeliest"),
     ({"object": "block", "stable_pose": "all"}, '"each"'),

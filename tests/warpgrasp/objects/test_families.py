@@ -5,8 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from warpgrasp.geometry.body import BodyError
 from warpgrasp.geometry.body_sampling import sample_body
-from warpgrasp.objects.catalogue import body_from_table
+from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.objects.catalogue_names import FAMILY_NAMES, HELD_OUT, PUBLIC
 from warpgrasp.objects.families import FAMILIES, Draw, family_table
 
@@ -40,6 +41,13 @@ def test_names_give_the_same_object_and_others_give_none() -> None:
     for name in ("mug", "mug-", "mug-2000", "cup-1", "mug-1.5", "mug--1", "mug-1\u0661"):
         assert family_table(name) is None
     assert PUBLIC <= HELD_OUT
+
+
+def test_a_member_is_an_object_by_its_name_in_python_too() -> None:
+    table = family_table("hammer-3") or {}
+    assert body_from_name("hammer-3") == body_from_table(table, Path())
+    with pytest.raises(BodyError, match=r"no object 'mug-2000'; mug-0 to mug-1999 are made by"):
+        body_from_name("mug-2000")
 
 
 def test_each_of_several_choices_is_drawn_as_often() -> None:
