@@ -76,10 +76,13 @@ class Factor:
         return (*ends, _after(self, nearest)) if 0 < nearest < self.steps else ends
 
     def may_be(self, value: Any) -> bool:
-        """Whether a value may be proposed, as far as the ends of a range tell."""
+        """Whether a value may be proposed; of a range without steps any is by chance alone."""
         if self.choices:
             return value in self.choices
-        return isinstance(value, int | float) and self.low <= value <= self.high
+        if not isinstance(value, int | float) or self.step is None:
+            return False
+        number = (value - self.low) / self.step
+        return 0 <= round(number) <= self.steps and abs(number - round(number)) < 1e-6
 
     def is_open(self, values: Mapping[str, Any], known: Collection[str] | None = None) -> bool:
         """Whether it is proposed beside these values of earlier factors; of all of them, or as far
@@ -193,8 +196,9 @@ def _factor(key: str, value: Any, earlier: Sequence[Factor], readers: Mapping[st
         # The end of a whole number is one, too; others may end beyond their last step.
         tried = [low, high if whole or step is None else _after(found, found.steps)]
         tried += [] if step is None else [_after(found, min(1, found.steps))]
-    for number in tried:
-        readers[key](number, path, problems)
+    si = [readers[key](value, path, problems) for value in tried]
+    if found.choices and not found.is_fixed and len(set(map(repr, si))) < len(si):
+        problems.add(path, "holds the same value twice")
     return found if len(problems.found) == before else None
 
 
@@ -224,8 +228,8 @@ def _when(given: Any, earlier: Sequence[Factor], path: KeyPath, problems: Proble
                          f"{choose(key, known)}")
     for factor in earlier:
         if never := [v for v in given.get(factor.key, []) if not factor.may_be(_frozen(v))]:
-            problems.add((*path, "when"), f"{factor.key} is never {short(never[0])}; should be a "
-                         "value that the factor above may have")
+            problems.add((*path, "when"), f"{factor.key} is never {short(never[0])}; should be one "
+                         "of the choices of the factor above, or of its steps")
     return tuple((key, tuple(map(_frozen, values))) for key, values in given.items())
 
 

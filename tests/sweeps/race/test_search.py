@@ -195,8 +195,7 @@ def test_a_last_trial_joins_the_round_before(tmp_path: Path, trials: int, rounds
 
 
 def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    text = (ONE + '"strategy.count" = { low = 5, high = 6, step = 2 }\n'
-            '"strategy.aim" = { low = 0.3, high = 0.7, when = { "strategy.count" = [6] } }')
+    text = ONE + '"strategy.aim" = { low = 0.3, high = 0.30000001 }'
     assert search(write_spec(tmp_path, text), tmp_path / "out") == 2
     assert "[search]: all proposals are the same entry" in capsys.readouterr().err
 
@@ -262,6 +261,12 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ("finalists = 1", "finalists: is 1; should be a whole number from 2"),
     ('"contact.friction" = { low = 0, high = 1, when = { "strategy.count" = [99] } }',
      "strategy.count is never 99"),
+    ('"fit.rounds" = { low = 1, high = 4, step = 2 }\n'
+     '"strategy.aim" = { low = 0.2, high = 0.5, when = { "fit.rounds" = [2] } }',
+     "fit.rounds is never 2; should be one of the choices of the factor above, or of its steps"),
+    ('"strategy.aim" = { low = 0.2, high = 0.5, when = { "sensors.tendon_threshold_N" = [6] } }',
+     "sensors.tendon_threshold_N is never 6"),
+    ('"strategy.aim" = [0.2, 1, 1.0]', "strategy.aim': holds the same value twice"),
     ('"hand.kind" = ["utah_mit", "nope"]', "no hand 'nope'"),
     ('hand = ["utah_mit", "nope"]', "search.hand: no hand 'nope'"),
     ('hand = ["utah_mit", "leap"]\n"hand.kind" = ["allegro"]', "hand.kind is a factor already"),
