@@ -203,7 +203,7 @@ def poses_from_csv(path: Path) -> np.ndarray:
     any arm's reach, a quaternion far from length 1.
     """
     try:
-        with path.open(newline="", encoding="utf-8") as file:
+        with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise WaypointError(f"{path}: cannot be read: {error}") from None

@@ -123,6 +123,13 @@ def test_pose_files_are_used_as_they_stand(tmp_path: Path) -> None:
     assert np.allclose(poses[0, 1], [0.5, 0.1, 0.3, 0, 1, 0, 0])
 
 
+def test_pose_files_may_begin_with_a_byte_order_mark(tmp_path: Path) -> None:
+    """As spreadsheets write them."""
+    file = tmp_path / "poses.csv"
+    file.write_text(",".join(CSV_COLUMNS) + "\n0.4,0,0.3,1,0,0,0\n", encoding="utf-8-sig")
+    assert np.allclose(poses_from_csv(file), [[0.4, 0, 0.3, 1, 0, 0, 0]])
+
+
 @pytest.mark.parametrize("name", CLOSING_PATHS)
 def test_no_joint_outruns_the_step_and_ranges_are_kept(name: str) -> None:
     path = CLOSING_PATHS[name]
