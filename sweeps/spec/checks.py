@@ -32,8 +32,8 @@ _PAIRS = (("arm", "limit_low_deg", "limit_high_deg"),
           ("arm", "box_low_mm", "box_high_mm"),
           ("hand", "flexion_low_deg", "flexion_high_deg"))
 
-LIMIT_KEYS = ("hand.abduction_limit_deg", "arm.d_mm", "arm.a_mm", "arm.limit_low_deg",
-              "arm.limit_high_deg", "arm.kind")
+LIMIT_KEYS = ("hand.abduction_limit_deg", "arm.d_mm", "arm.a_mm", "arm.kind", *(
+    f"{section}.{name}" for section, *names in _PAIRS for name in names))
 
 
 def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Sequence[Axis],
@@ -43,9 +43,8 @@ def check_order(tables: Mapping[str, Any], given: Mapping[str, Any], axes: Seque
     swept = {key for axis in axes for key in axis.keys}
     apart = "robot.swept" in swept or tables["robot"].swept != "both"
     for section, low, high in _PAIRS:
-        lows, highs = (_set(tables, section, name) for name in (low, high))
         here = {f"{section}.{low}", f"{section}.{high}"} & swept
-        if (not here or (apart and section in APART)) and (lows >= highs).any():
+        if (not here or (apart and section in APART)) and _crossed(tables, section, low, high):
             at = low if low in given.get(section, {}) else high
             whose = "of the robot that is not swept: " if here else ""
             problems.add((section, at), f"{whose}{low} should be below {high}")
@@ -87,6 +86,10 @@ def _set(tables: Mapping[str, Any], section: str, name: str) -> np.ndarray:
     return np.array(value, float).reshape(1, -1)
 
 
+def _crossed(tables: Mapping[str, Any], section: str, low: str, high: str) -> bool:
+    return bool((_set(tables, section, low) >= _set(tables, section, high)).any())
+
+
 def note_idle(study: Study, section: str, idle: Mapping[str, str], given: Collection[str],
               problems: Problems) -> None:
     """Notes keys that say nothing of the study: where they are among the `given`, swept or
@@ -125,8 +128,7 @@ _DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
 """Keys that decide of which tables others are read."""
 PLACE_KEYS = ("object.x_mm", "object.y_mm")
 _STANDS_BELOW_M = 0.5
-"""Height of its base from which an arm hangs from above, and an object may stand below it [est].
-"""
+"""Height of its base from which an arm hangs, and an object may stand below it [est]."""
 JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
 """Fields of `ArmTable` that say something of the PUMA 560 alone."""
 WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
@@ -218,8 +220,7 @@ _READ_WHERE: tuple[tuple[tuple[str, ...], Reads, str], ...] = (
         key.split(".")[0] in APART for axis in study.axes for key in axis.keys) or any(
         study.searches(f"{name}.{key}") for name in APART for key in spec_fields(SECTIONS[name])),
      "no key of hand, sensors or errors is swept beside it"))
-"""Keys of tables that are read in some modes only, whether a study has such a one, and what to say
-where it has not."""
+"""Keys that are read in some modes only, whether a study has such a one, what to say if not."""
 
 
 def check_errors(study: Study, problems: Problems) -> None:
@@ -308,8 +309,10 @@ def _immovable(tables: Mapping[str, Any]) -> str:
     arm, hand = tables["arm"], tables["hand"]
     low, high = hand.abduction_limit_rad
     if not low < high:
-        return (f"is {degrees(low):g}, {degrees(high):g}; the first should be "
-                "below the second")
+        return f"is {degrees(low):g}, {degrees(high):g}; the first should be below the second"
+    for section, least, most in _PAIRS:  # those of a search; others were checked as they were read
+        if _crossed(tables, section, least, most):
+            return f"{least} should be below {most}"
     if arm.kind != PUMA560 or arm == ArmTable():
         return ""
     # Kernels, imported for arms that are changed alone.

@@ -275,6 +275,8 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
      "hand.kind is never 'allegro'"),
     ('"hand.kind" = ["utah_mit", "mine.toml"]', "a search proposes those that ship"),
     ('"arm.kind" = ["puma560", "nope"]', "no arm 'nope'"),
+    ('"hand.flexion_low_deg" = [[-10, 0, 0], [95, 0, 0]]',
+     "with hand.flexion_low_deg = (95, 0, 0): flexion_low_deg should be below flexion_high_deg"),
     ('"fit.reconstruct" = ["chosen", "nonsense"]', "fit.reconstruct: is 'nonsense'"),
     ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
 ])
