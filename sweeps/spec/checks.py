@@ -335,8 +335,8 @@ def closes_fingers(study: Study) -> bool:
 def _orders(study: Study) -> list[tuple[str, ...]]:
     """The orders of procedures that strategies are run with."""
     given = [strategy.order for strategy in study.strategies if not strategy.call]
-    swept = [point[axis.keys.index("strategy.order")] for axis in study.axes
-             if "strategy.order" in axis.keys for point in axis.si]
+    swept = [order for axis in study.axes if "strategy.order" in axis.keys for point in axis.si
+             if (order := point[axis.keys.index("strategy.order")])]  # None: a search leaves it
     return swept if given and swept else given
 
 

@@ -277,6 +277,8 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
     ('"arm.kind" = ["puma560", "nope"]', "no arm 'nope'"),
     ('"hand.flexion_low_deg" = [[-10, 0, 0], [95, 0, 0]]',
      "with hand.flexion_low_deg = (95, 0, 0): flexion_low_deg should be below flexion_high_deg"),
+    ('"strategy.order" = [["planar"], ["containment"]]\n"errors.scale" = { low = 1, high = 10 }',
+     "with errors.scale = 10: pad_gain_pct times scale is 100 %"),
     ('"fit.reconstruct" = ["chosen", "nonsense"]', "fit.reconstruct: is 'nonsense'"),
     ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
 ])
