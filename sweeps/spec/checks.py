@@ -137,10 +137,10 @@ JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
 """Fields of `ErrorTable` that say nothing of a floating wrist."""
 ERROR_KEYS = ("errors.link_length_pct", "errors.moment_arm_pct", "errors.pad_gain_pct",
               "errors.scale")
-KEYS = ("pads.length_mm", "pads.width_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal",
-        "pads.middle", "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm",
-        "pads.newton_ohm", "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind",
-        "hand.link_length_mm", "hand.link_radius_mm")
+PAD_KEYS = ("pads.length_mm", "pads.width_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal",
+            "pads.middle", "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm",
+            "pads.newton_ohm", "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind",
+            "hand.link_length_mm", "hand.link_radius_mm")
 
 
 def check_used(study: Study, problems: Problems) -> None:
@@ -234,9 +234,9 @@ def check_errors(study: Study, problems: Problems) -> None:
 def check_pads(study: Study, problems: Problems) -> None:
     """Notes the first setting under which a pad tells no force or does not fit its link, if any
     strategy feels."""
-    if feels_with_pads(study):
-        note_misfit(study, KEYS, lambda tables: _misfit(tables["hand"], tables["pads"]), ("pads",),
-                    problems)
+    if feels_with_pads(study) or study.searches("strategy.order"):
+        note_misfit(study, PAD_KEYS, lambda tables: _misfit(tables["hand"], tables["pads"]),
+                    ("pads",), problems)
 
 
 def note_misfit(study: Study, keys: Collection[str], misfit: Callable[[Mapping[str, Any]], str],

@@ -15,6 +15,7 @@ from sweeps.spec.cell import SECTIONS
 from sweeps.spec.checks import (
     ERROR_KEYS,
     LIMIT_KEYS,
+    PAD_KEYS,
     PLACE_KEYS,
     check_arms,
     check_errors,
@@ -169,7 +170,7 @@ def resolve(values: Mapping[str, Any], base_dir: FilePath, problems: Problems,
         check_hands(study, values, problems)
         check_arms(study, values.get("arm", {}), problems)
         check_places(with_ends(study, PLACE_KEYS), problems)
-        check_pads(study, problems)
+        check_pads(with_ends(study, PAD_KEYS), problems)
         check_limits(with_ends(study, LIMIT_KEYS), problems)
         check_errors(with_ends(study, ERROR_KEYS), problems)
     if not problems.found:

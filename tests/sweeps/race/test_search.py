@@ -279,6 +279,8 @@ def test_without_optuna_it_says_what_to_install(tmp_path: Path, monkeypatch: pyt
      "with hand.flexion_low_deg = (95, 0, 0): flexion_low_deg should be below flexion_high_deg"),
     ('"strategy.order" = [["planar"], ["containment"]]\n"errors.scale" = { low = 1, high = 10 }',
      "with errors.scale = 10: pad_gain_pct times scale is 100 %"),
+    ('"strategy.order" = [["planar"], ["containment"]]\n"pads.floor_N" = { low = 0, high = 3 }',
+     "with pads.floor_N = 3: taxels feel from 3 N on: wants less than the full scale, 1.2 N"),
     ('"fit.reconstruct" = ["chosen", "nonsense"]', "fit.reconstruct: is 'nonsense'"),
     ('[sweep.grid]\n"strategy.count" = [4, 5]', "strategy.count is swept already in [sweep]"),
 ])
