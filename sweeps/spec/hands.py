@@ -97,7 +97,8 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
             note_idle(study, "pads", dict.fromkeys(
                 _pads_said(hands), "says nothing of this hand: which of its links bear pads, and "
                 "how large they are, its TOML file says"), given.get("pads", {}), problems)
-    if len(hands) > 1 and is_apart(study):
+    everywhere = hands_of(with_ends(study, (HAND_KEY,)))
+    if everywhere != {study.tables["hand"].kind} and is_apart(study):
         problems.add(("robot", "swept"), "hands are swept, and a robot knows which hand it has; "
                      "should be both")
     for path in places_of_swept(study, _MOUNT_KEY, problems) if is_apart(study) else ():
@@ -222,6 +223,7 @@ def _closing_names(kind: str) -> tuple[Collection[str], str]:
 
 def hands_of(study: Study) -> set[str]:
     """Every hand that a study runs with."""
-    swept = {point[axis.keys.index(HAND_KEY)] for axis in study.axes if HAND_KEY in axis.keys
-             for point in axis.si}
-    return swept or {study.tables["hand"].kind}
+    own = study.tables["hand"].kind  # also where a search proposes none
+    swept = {point[axis.keys.index(HAND_KEY)] or own for axis in study.axes
+             if HAND_KEY in axis.keys for point in axis.si}
+    return swept or {own}

@@ -109,10 +109,12 @@ def test_a_closing_path_of_the_hands_own_file_is_gone(tmp_path: Path) -> None:
     assert ":9: " in said
 
 
-def test_a_robot_knows_which_hand_it_has(tmp_path: Path) -> None:
+@pytest.mark.parametrize("hands", [
+    '[sweep.grid]\nhand = ["leap", "barrett"]\n', '[sweep.grid]\nhand = ["leap"]\n',
+    '[search]\nhand = ["utah_mit", "leap"]\n'])
+def test_a_robot_knows_which_hand_it_has(tmp_path: Path, hands: str) -> None:
     text = HEAD + RING + ALONE + '[robot]\nswept = "truth"\n'
-    text += '[sweep.grid]\nhand = ["leap", "barrett"]\n'
-    assert "a robot knows which hand it has" in told(tmp_path, text)
+    assert "a robot knows which hand it has" in told(tmp_path, text + hands)
 
 
 @pytest.mark.parametrize(("more", "place"), [
