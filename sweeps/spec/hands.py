@@ -176,6 +176,8 @@ def _pads_said(hands: set[str]) -> set[str]:
 
 def check_closings(study: Study, problems: Problems) -> None:
     """Notes closing paths that a hand of the study has not."""
+    if not problems.found:  # a search may name hands that there are not
+        study = with_ends(study, (HAND_KEY, CLOSINGS_KEY))
     hands = hands_of(study)
     for path, name, kinds in _closings(study, problems):
         for kind in sorted(kinds):
@@ -196,16 +198,14 @@ def _closings(study: Study, problems: Problems) -> Iterator[tuple[KeyPath, str, 
         for k, name in enumerate(strategy.closings):
             yield ("strategy", n, "closings", k), name, hands
     for axis, at in swept:
-        path = next(places_of_swept(study, CLOSINGS_KEY, problems))
+        path = (("search", CLOSINGS_KEY) if study.searches(CLOSINGS_KEY)
+                else next(places_of_swept(study, CLOSINGS_KEY, problems)))
         for point in axis.si:
-            own = {point[axis.keys.index(HAND_KEY)]} if HAND_KEY in axis.keys else hands
-            for name in point[at] or ():
+            own = ({point[axis.keys.index(HAND_KEY)] or study.tables["hand"].kind}
+                   if HAND_KEY in axis.keys else hands)
+            unasked = study.strategies[0].closings if study.searches(CLOSINGS_KEY) else ()
+            for name in point[at] or unasked:
                 yield path, name, own
-    for factor in () if study.search is None else study.search.factors:
-        if factor.key == CLOSINGS_KEY:
-            for names in factor.choices:
-                for name in names:
-                    yield ("search", CLOSINGS_KEY), name, hands
 
 
 def _closing_names(kind: str) -> tuple[Collection[str], str]:

@@ -97,6 +97,22 @@ def test_a_closing_path_that_a_hand_has_not_is_said(tmp_path: Path) -> None:
     assert "strategy[0].closings[0]: is 'grasp'" in told(tmp_path, own)
 
 
+@pytest.mark.parametrize(("closings", "when"), [
+    ("", ""), ('"strategy.closings" = [["curl40"], ["curl25_spread"]]\n', ""),
+    ('"strategy.closings" = [["curl40"], ["curl25_spread"]]\n',
+     ', when = { "strategy.closings" = [["curl40"]] }')])
+def test_a_closing_path_that_a_hand_of_a_search_has_not_is_said(
+        tmp_path: Path, closings: str, when: str) -> None:
+    """Its episodes failed, and counted as the worst."""
+    own = "" if closings else 'closings = ["curl25_spread"]\n'
+    text = (HEAD + RING + own + ALONE + "[search]\n" + closings
+            + f'hand = {{ choices = ["utah_mit", "leap"]{when} }}\n')
+    if when:
+        assert read(tmp_path, text).search is not None
+    else:
+        assert "the hand leap has no closing path 'curl25_spread'" in told(tmp_path, text)
+
+
 def test_a_closing_path_of_the_hands_own_file_is_gone(tmp_path: Path) -> None:
     text = HEAD + 'hand = "barrett"\n' + RING + 'closings = ["grasp"]\n' + ALONE
     assert read(tmp_path, text).cell(0, 0, 0).strategy.closings == ("grasp",)
