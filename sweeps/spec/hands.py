@@ -104,11 +104,11 @@ def check_hands(study: Study, given: Mapping[str, Any], problems: Problems) -> N
     for path in places_of_swept(study, _MOUNT_KEY, problems) if is_apart(study) else ():
         problems.add(path, "arm and hand share the mount, and a robot knows it; should be swept "
                      'with robot.swept = "both" alone')
-    if UTAH_MIT in hands:
+    if UTAH_MIT in everywhere:
         for keys, misfit in ((_BUILT, _overlaps), (_WEIGHED, _hangs)):
             note_misfit(with_ends(study, keys), keys, misfit, ("hand",), problems)
-    if hands != {UTAH_MIT} and closes_fingers(study):
-        note_misfit(study, _CLOSED_BY, _misfit, ("hand", "kind"), problems)
+    if everywhere != {UTAH_MIT} and closes_fingers(study):
+        note_misfit(with_ends(study, _CLOSED_BY), _CLOSED_BY, _misfit, ("hand", "kind"), problems)
 
 
 def _overlaps(tables: Mapping[str, Any]) -> str:

@@ -247,6 +247,16 @@ def test_a_pad_on_a_ball_is_told_its_length(tmp_path: Path) -> None:
     read(tmp_path, spec)
 
 
+@pytest.mark.parametrize(("hand", "searched", "when"), [
+    ('hand = "leap"\n', "", ""),
+    ("", 'hand = ["utah_mit", "leap"]\n', ', when = { hand = ["leap"] }')])
+def test_hands_that_cannot_be_closed_at_the_end_of_a_search_are_refused(
+        tmp_path: Path, hand: str, searched: str, when: str) -> None:
+    text = HEAD + hand + RING + "[search]\n" + searched
+    text += f'"hand.link_density_kg_m3" = {{ low = 1000, high = 20000{when} }}\n'
+    assert "finger index sags by its own weight" in told(tmp_path, text)
+
+
 def test_hands_that_cannot_be_closed_are_refused(tmp_path: Path) -> None:
     """Of more fingers than can meet, or that sag; by the keys that mend it."""
     model, own = hand_named("leap"), tmp_path / "my_hand.toml"
