@@ -73,9 +73,10 @@ def pose_about(
 
     Angles and `aim` as the module `waypoints` defines them; a hand whose open fingers would come
     within TABLE_CLEARANCE_M of the table backs off along its approach, or, where that is level or
-    from below, is raised. Its fingers close about the place aimed at. Distances are those of
-    the default hand; others stay away in proportion to their reach, and come nearer to
-    what is wide where their fingers open wider. Shape (world, probe, 7).
+    from below, is raised; so is a hand that would itself be below the table. Its fingers close
+    about the place aimed at. Distances are those of the default hand; others stay away in
+    proportion to their reach, and come nearer to what is wide where their fingers open wider.
+    Shape (world, probe, 7).
     """
     outline = outline_of(hand)
     x, y, height = (v[:, None] for v in (prior.x_m, prior.y_m, prior.height_m))
@@ -109,6 +110,8 @@ def pose_about(
     back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
     place = place - approach * back[..., None]
     place[..., 2] += np.where(level_or_up, short, 0.0)
+    # From below the palm is lower than its fingers; what no arm reaches is told as such.
+    place[..., 2] = np.where(place[..., 2] < 0.0, TABLE_CLEARANCE_M, place[..., 2])
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)
 

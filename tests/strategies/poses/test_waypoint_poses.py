@@ -93,6 +93,14 @@ def test_a_level_hand_is_raised_off_the_table_and_not_taken_away(tilt_deg: float
         assert (away <= family.palm_clearance_m + family.clearance_per_radius * 0.02 + 0.08).all()
 
 
+@pytest.mark.parametrize("tilt_deg", [150, 180])
+def test_no_pose_from_below_is_through_the_table(tilt_deg: float) -> None:
+    """It ended the episode as a fault of the strategy, before poses that could be made."""
+    family = Hemisphere(tilt_rad=np.radians(tilt_deg))
+    poses = waypoint_poses((family,), prior(), HAND, np.zeros(1, np.uint64))
+    assert poses[..., 2].min() >= 0.0
+
+
 def test_random_poses_depend_on_the_key_alone() -> None:
     two = rows_of(prior(), [0, 0])
     both = waypoint_poses((Random(),), two, HAND, np.array([5, 6], np.uint64))
