@@ -12,6 +12,7 @@ from places import HELPERS
 from strategies import exploration
 from strategies.exploration import explore
 from strategies.exploration_record import Exploration
+from strategies.planners import register
 from strategies.planners.from_strategy import MOST_STEPS, Budget, budget_of
 from strategies.planners.ordered import OrderedPlanner
 from strategies.planners.planner_file import PlannerError
@@ -256,9 +257,10 @@ def test_planners_that_cannot_be_made_say_why(tmp_path: Path) -> None:
         make_planner(f"{broken}:f", {})
 
 
-def test_the_decorator_registers() -> None:
-    make_planner(f"{MINE}:registered", {})
-    assert make_planner("registered-by-a-test", {}).__name__ == "registered"
+def test_the_decorator_registers(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(register.PLANNERS, "registered-by-a-test", ())  # gone when the test ends
+    found = register.planner("registered-by-a-test")(lambda belief: [])
+    assert make_planner("registered-by-a-test", {}) is found
 
 
 def test_budgets_end_an_episode() -> None:
