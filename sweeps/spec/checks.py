@@ -127,20 +127,17 @@ PROCEDURES = {"planar", "contour", "decide"}
 _DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
 """Keys that decide of which tables others are read."""
 PLACE_KEYS = ("object.x_mm", "object.y_mm")
-_STANDS_BELOW_M = 0.5
-"""Height of its base from which an arm hangs, and an object may stand below it [est]."""
+_STANDS_BELOW_M = 0.5  # height of its base from which an arm hangs above objects [est]
 JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
 """Fields of `ArmTable` that say something of the PUMA 560 alone."""
 WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
 """Fields that say something of a floating wrist alone."""
-JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")
-"""Fields of `ErrorTable` that say nothing of a floating wrist."""
+JOINT_ERRORS = ("arm_joint_offset_rad", "arm_link_m")  # say nothing of a floating wrist
 ERROR_KEYS = ("errors.link_length_pct", "errors.moment_arm_pct", "errors.pad_gain_pct",
               "errors.scale")
-PAD_KEYS = ("pads.length_mm", "pads.width_mm", "pads.wrap_deg", "pads.thickness_mm", "pads.distal",
-            "pads.middle", "pads.proximal", "pads.law", "pads.rest_ohm", "pads.least_ohm",
-            "pads.newton_ohm", "pads.power", "pads.floor_N", "pads.saturation_N", "hand.kind",
-            "hand.link_length_mm", "hand.link_radius_mm")
+PAD_KEYS = ("hand.kind", "hand.link_length_mm", "hand.link_radius_mm", *map("pads.{}".format, (
+    "length_mm", "width_mm", "wrap_deg", "thickness_mm", "distal", "middle", "proximal", "law",
+    "rest_ohm", "least_ohm", "newton_ohm", "power", "floor_N", "saturation_N")))
 
 
 def check_used(study: Study, problems: Problems) -> None:
