@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from reference_posterior import sliding
 from scipy.spatial.transform import Rotation
 
 from fit.superquadric.fit import fit_superquadric
@@ -28,12 +29,13 @@ BALL = superquadric([0.04, 0.04, 0.04], [1.0, 1.0], [0.45, 0.0, 0.1])
 
 
 def ball_links(
-    worlds: int = 3, contacts: int = 20, lean: float = 0.0
+    worlds: int = 3, contacts: int = 20, lean: float = 0.0, went: np.ndarray | None = None
 ) -> tuple[Evidence, TouchedLinks, np.ndarray]:
     """Contacts of last links with a ball, felt `OFF_M` too far out, the torques of a push of 1 N
     through each; also where they truly are. Torques by differences of the forward kinematics.
 
-    The push leans by `lean`, along the surface any way."""
+    The push leans by `lean`, along the surface any way, or along the way that the link slides after
+    the step `went` (4,) of its command."""
     rng, hand, q = np.random.default_rng(4), HandTable(), np.array([0.1, 0.5, 0.6, 0.4])
     shape, n = (worlds, contacts), worlds * contacts
 
@@ -58,7 +60,10 @@ def ball_links(
     slopes = (skin(q + step * np.eye(4)) - skin(q - step * np.eye(4))) / (2 * step)
     here, along, outward = (part[0] for part in frames(q[None]))
     aside = rng.uniform(-np.pi, np.pi, n)[:, None]
-    push = outward + lean * (np.cos(aside) * along + np.sin(aside) * np.cross(along, outward))
+    way = np.cos(aside) * along + np.sin(aside) * np.cross(along, outward)
+    if went is not None:
+        way = sliding(slopes.swapaxes(0, 1), outward, went, np.full(4, 0.5))
+    push = outward + lean * way
     hands = Rotation.random(n, rng=rng)
     normal = -hands.apply(outward)
     true = BALL.position_m[0] + 0.04 * normal
@@ -76,6 +81,7 @@ def ball_links(
         hand_pose=np.concatenate([place, hands.as_quat()], axis=1).reshape(*shape, 7),
         q_rad=np.tile(q, (*shape, 1)), link=np.full(shape, 2),
         torque_Nm=-torque.reshape(*shape, 4), torque_sigma_Nm=np.full((*shape, 4), 5e-4),
+        step_rad=np.tile(np.zeros(4) if went is None else went, (*shape, 1)),
         weight=np.tile([0.1, 0.2, 0.7], (*shape, 1)))
     return evidence, links, true
 
@@ -110,6 +116,22 @@ def test_forces_within_the_friction_cone_agree_with_the_body() -> None:
     assert np.median(slippery.contradiction[placed.mask]) > 10.0
     away = np.linalg.norm(slippery.points_m - true, axis=-1)[placed.mask]
     assert np.median(away) > 2.0 * np.median(off)
+
+
+def test_forces_lean_along_the_way_that_links_slide_and_not_against_it() -> None:
+    went = np.array([0.0, 0.02, 0.015, 0.01])
+    found = {}
+    for lean in (0.45, -0.45):
+        evidence, links, true = ball_links(lean=lean, went=went)
+        links = replace(links, friction=np.full(evidence.mask.shape, 0.5),
+                        torque_sigma_Nm=0.03 * np.abs(links.torque_Nm).max(-1, keepdims=True)
+                        * np.ones(4))
+        placed = contacts_placed(evidence, links, balls(3))
+        found[lean] = (np.median(placed.contradiction[placed.mask]),
+                       np.median(np.linalg.norm(placed.points_m - true, axis=-1)[placed.mask]))
+    assert found[0.45][0] < 2.0
+    assert found[0.45][1] < 1e-3
+    assert found[-0.45][0] > 4.0 * found[0.45][0]
 
 
 def test_torques_that_contradict_the_body_are_told() -> None:
