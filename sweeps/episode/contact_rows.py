@@ -88,14 +88,14 @@ def contact_tables(found: Exploration, truth: Truth) -> np.ndarray:
 
 
 def contacts_csv(found: Exploration, truth: Truth, world: int = 0) -> str:
-    """The rows of one world as `contact_columns` has them, without joints past the fourth; text of
-    a CSV file."""
+    """The rows of one world as `contact_columns` has them; text of a CSV file."""
     columns = contact_columns(found, truth)
+    names = [name for name in columns if name != "world"]
     mine = columns["world"] == world
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    writer.writerows(zip(*(_cells(name, columns[name][mine]) for name in COLUMNS), strict=True))
+    writer.writerow(names)
+    writer.writerows(zip(*(_cells(name, columns[name][mine]) for name in names), strict=True))
     return text.getvalue()
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from sweeps.output import write_atomic
 from sweeps.run.plan import Plan, Unit, part_of
 from sweeps.run.store import Store
-from sweeps.run.unit_file import DamagedUnit, read_unit, write_unit
+from sweeps.run.unit_file import Columns, DamagedUnit, read_unit, write_unit
 
 
 @dataclass(frozen=True)
@@ -83,11 +83,18 @@ def join(store: Store, part: Unit, rest: Unit, whole: Unit) -> bool:
         first, second = read(part), read(rest)
         if first is None or second is None:
             return False
-        write_unit(path, identity, {
-            name: np.concatenate([values, second[name]]) for name, values in first.items()})
+        write_unit(path, identity, _joined(first, second))
     for file in (*store.files(part), *store.files(rest)):
         file.unlink(missing_ok=True)
     return True
+
+
+def _joined(first: Columns, second: Columns) -> Columns:
+    """Rows after one another; NaN where those of one part have no such column, as contacts without
+    a row have none of joints past the fourth."""
+    return {name: np.concatenate([
+        rows[name] if name in rows else np.full(len(rows["episode"]), np.nan, np.float32)
+        for rows in (first, second)]) for name in dict.fromkeys((*first, *second))}
 
 
 def reuse_units(plan: Plan, store: Store, others: Sequence[Store],

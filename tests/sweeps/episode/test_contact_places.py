@@ -13,7 +13,9 @@ import pytest
 from strategies.procedures.touches import TABLE_MARGIN_M
 from strategies.ready_made import STRATEGIES
 from strategies.recovery.contact_verdict import NEAR_M
+from sweeps.episode import contact_rows
 from sweeps.episode.contact_rows import (
+    MORE_JOINTS,
     VECTORS,
     _distinct,
     _judged,
@@ -138,3 +140,12 @@ def test_contacts_as_low_as_the_table_are_the_tables_whatever_else_is_said_of_th
     judged = _judged(columns, found)
     assert judged["verdict"].tolist() == ["table", "table", "accepted", "table", "accepted", ""]
     np.testing.assert_array_equal(judged["accepted"], [0.0, 0.0, 1.0, 0.0, 1.0, np.nan])
+
+
+def test_files_of_contacts_have_all_joints_of_a_finger(
+        bowl: EpisodeBlock, monkeypatch: pytest.MonkeyPatch) -> None:
+    columns = contact_rows.contact_columns(bowl.exploration, bowl.truth)
+    more = {name: np.full(len(columns["world"]), 0.25) for name in MORE_JOINTS}
+    monkeypatch.setattr(contact_rows, "contact_columns", lambda found, truth: columns | more)
+    rows = list(csv.DictReader(io.StringIO(contacts_csv(bowl.exploration, bowl.truth))))
+    assert {(row["q4_rad"], row["q5_rad"]) for row in rows} == {("0.250000", "0.250000")}

@@ -18,7 +18,7 @@ from studies import SMALL, board, contents, plan_of, run_in
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.run import local_engine as runner
 from sweeps.run import store as store_module
-from sweeps.run.grown_units import reuse_units
+from sweeps.run.grown_units import _joined, reuse_units
 from sweeps.run.local_engine import Options
 from sweeps.run.plan import Plan
 from sweeps.run.scheduler import Outcome
@@ -33,6 +33,15 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, Path]:
     plan = plan_of(folder / "spec")
     assert run_in(folder, plan) == Outcome(kept=0, done=8, failed=0)
     return plan, folder
+
+
+def test_contacts_of_which_one_part_has_none_are_joined() -> None:
+    """Of a hand with six joints to a finger, whose columns contacts without a row do not have."""
+    some = {"episode": np.arange(2), "q5_rad": np.ones(2, np.float32)}
+    for parts in ((some, {"episode": np.arange(0)}), ({"episode": np.arange(0)}, some)):
+        found = _joined(*parts)
+        assert {name: values.tolist() for name, values in found.items()} == {
+            "episode": [0, 1], "q5_rad": [1.0, 1.0]}
 
 
 @pytest.fixture
