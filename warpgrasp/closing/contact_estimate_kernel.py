@@ -209,7 +209,7 @@ def estimate_kernel(
     for j in range(4):
         largest = wp.max(largest, wp.abs(torque[j]))
     precision = vec4(ZERO, ZERO, ZERO, ZERO)
-    held = vec4(ONE, ONE, ONE, ONE)
+    free = vec4(ONE, ONE, ONE, ONE)
     for j in range(4):
         s = sensor.moment_arm[j]
         v = s * s * real(2.0) * mean_variance(sensor.noise, sensor.step, sensor.readings)
@@ -220,14 +220,14 @@ def estimate_kernel(
         if hand.stop > ZERO and (angles[j] < hand.low[j] + _AT_STOP * sensor.joint_noise
                                  or angles[j] > hand.high[j] - _AT_STOP * sensor.joint_noise):
             precision[j] = _TINY
-            held[j] = ZERO
+            free[j] = ZERO
 
     # In units of their deviations, all torques weigh the same.
     root = vec4(wp.sqrt(precision[0]), wp.sqrt(precision[1]), wp.sqrt(precision[2]),
                 wp.sqrt(precision[3]))
     felt = wp.cw_mul(torque, root)
-    commanded = wp.cw_div(wp.cw_mul(step, held), root)
-    ease = wp.cw_div(held, wp.cw_mul(root, root))
+    commanded = wp.cw_div(wp.cw_mul(step, free), root)
+    ease = wp.cw_div(free, wp.cw_mul(root, root))
     turned = wp.length(step)
     torque_out[w, p, g, finger] = torque
     torque_sigma[w, p, g, finger] = vec4(ONE / root[0], ONE / root[1], ONE / root[2], ONE / root[3])
