@@ -110,7 +110,7 @@ def pose_about(
     back = np.where(level_or_up, 0.0, short / np.maximum(cos_t, LEVEL))
     place = place - approach * back[..., None]
     place[..., 2] += np.where(level_or_up, short, 0.0)
-    # From below the palm is lower than its fingers; what no arm reaches is told as such.
+    # From below the palm is lower than its fingers; a place that no arm reaches is `unreachable`.
     place[..., 2] = np.where(place[..., 2] < 0.0, TABLE_CLEARANCE_M, place[..., 2])
     turn = Rotation.from_matrix(frame.reshape(-1, 3, 3)).as_quat().reshape(*aim.shape, 4)
     return np.concatenate([place, turn], -1)

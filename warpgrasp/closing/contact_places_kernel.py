@@ -54,7 +54,7 @@ def force_gain_at(square: vec3, along: vec2, share: real, least: real):
 
 @wp.func
 def swept_share(outwards: real, turned: real):
-    """How fast skin goes outwards, `outwards` for a step of the command that turns joints by
+    """What skin sweeps that goes `outwards` [m] for a step of the command that turns joints by
     `turned` [rad]; the same everywhere where it turns none."""
     return wp.where(turned > ZERO, wp.max(outwards, turned * _LEAST_SWEPT), ONE)
 

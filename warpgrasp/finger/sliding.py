@@ -35,8 +35,9 @@ def sliding_way(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
     """Unit vector along which a place slides, by the two directions along the surface that go with
     its outward one; zero where it stays.
 
-    `by_out`, `by_one` and `by_two` are its motions per radian of each joint, `way` the command's
-    last step, and `ease` how far a joint yields to a torque; both 0 of joints held by their stops.
+    `by_out`, `by_one` and `by_two` are its motions per radian of each joint [m/rad], `way` the
+    command's last step [rad], and `ease` how far a joint yields to a torque [rad/(N m)]; both 0 of
+    joints held by their stops. Joints may be counted in other units, if all five are.
     """
     yielding = wp.cw_mul(by_out, ease)
     push = wp.dot(by_out, way) / wp.max(wp.dot(by_out, yielding), _TINY)
@@ -50,7 +51,8 @@ def sliding_way(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
 
 @wp.func
 def lean_mean(slides: vec2, friction: real):
-    """How far a force leans in the mean, both ways along the surface, as a share of its push."""
+    """How far a force leans in the mean, both ways along the surface, as a share of its push.
+    `slides` is of `sliding_way`, `friction` the coefficient."""
     return slides * (_LEAN_MEAN * friction)
 
 
