@@ -13,7 +13,16 @@ from strategies.contacts.placing_sums import LEVEL, MOST_DIRECTIONS, NEGLIGIBLE,
 from warpgrasp.chain.chain_kernel import vec6
 from warpgrasp.core.dtypes import real, vec3, vec4, vec7
 from warpgrasp.core.lanes import LANES, lanes_begin
-from warpgrasp.finger.sliding import LEAN_MEAN, LEAN_SIGMA, LEAN_UNKNOWN, STILL_M
+from warpgrasp.finger.sliding import (
+    FLAT,
+    LEAN_ASIDE,
+    LEAN_MOST,
+    LEAN_SIGMA,
+    LEAN_UNKNOWN,
+    LEAST,
+    STEPS,
+    STILL_M,
+)
 
 _SUM = lanes_begin() + """
     enum { J = sizeof(felt) / sizeof(double), GROUPS = MOST };
@@ -38,40 +47,86 @@ _SUM = lanes_begin() + """
         if (!all_around)
             counts &= dot(way, u) >= -LEVEL;
         const reals none = 0.0;
-        reals j[J], size = none, pushed = none, leans = none;
+        reals j[J], size = none, pushed = none;
         for (int k = 0; k < J; ++k)
             j[k] = way.x * by_x[k] + way.y * by_y[k] + way.z * by_z[k];
         reals a[J], b[J];
+        reals ahead_one = none, ahead_two = none, sigma = none, aside = none;
         if (friction != 0.0) {
             places one = cross(u, way);
             const reals level = 1.0 / more(root(dot(one, one)), (reals)1e-300);
             one = places{one.x * level, one.y * level, one.z * level};
             const places two = cross(way, one);
-            reals out_goes = none, out_yields = none, one_goes = none, one_yields = none,
-                two_goes = none, two_yields = none;
+            reals into = none, one_goes = none, two_goes = none, out_yields = none,
+                one_pull = none, two_pull = none, one_yields = none, both = none,
+                two_yields = none;
             for (int k = 0; k < J; ++k) {
                 // At the skin, a radius off the axis.
                 a[k] = one.x * by_x[k] + one.y * by_y[k] + one.z * by_z[k] + radius * (
                     two.x * turn_x[k] + two.y * turn_y[k] + two.z * turn_z[k]);
                 b[k] = two.x * by_x[k] + two.y * by_y[k] + two.z * by_z[k] - radius * (
                     one.x * turn_x[k] + one.y * turn_y[k] + one.z * turn_z[k]);
-                const reals yielding = j[k] * ease[k];
-                out_goes += j[k] * step[k];
+                const reals yielding = j[k] * ease[k], one_yielding = a[k] * ease[k];
+                into += j[k] * step[k];
                 one_goes += a[k] * step[k];
                 two_goes += b[k] * step[k];
                 out_yields += j[k] * yielding;
-                one_yields += a[k] * yielding;
-                two_yields += b[k] * yielding;
+                one_pull += a[k] * yielding;
+                two_pull += b[k] * yielding;
+                one_yields += a[k] * one_yielding;
+                both += b[k] * one_yielding;
+                two_yields += b[k] * b[k] * ease[k];
             }
-            // As `sliding_way`, `lean_mean` and `lean_sigma`.
-            const reals held = out_goes / more(out_yields, (reals)1e-300);
-            reals by_one = one_goes - held * one_yields, by_two = two_goes - held * two_yields;
-            const reals speed = root(by_one * by_one + by_two * by_two);
-            const flags slides = speed >= STILL;
-            const reals mean = slides ? LEAN_MEAN * friction / speed : none;
+            // As `force_lean`, in its words.
+            const reals tiny = none + 1e-300, flat = FLAT * (one_yields + two_yields) + tiny;
+            const reals easy = 1.0 / (out_yields + FLAT * flat + tiny);
+            const reals push = into * easy, tilt_one = one_pull * easy, tilt_two = two_pull * easy;
+            const reals by_one = one_goes - tilt_one * into, by_two = two_goes - tilt_two * into;
+            one_yields += flat - tilt_one * one_pull;
+            both -= tilt_one * two_pull;
+            two_yields += flat - tilt_two * two_pull;
+            auto held = [&](reals slip, reals along_one, reals along_two, reals& x, reals& y) {
+                const reals p = one_yields + slip, q = two_yields + slip;
+                const reals by = 1.0 / more(p * q - both * both, tiny);
+                x = (q * along_one - both * along_two) * by;
+                y = (p * along_two - both * along_one) * by;
+            };
+            reals x, y, slip = none;
+            held(slip, by_one, by_two, x, y);
+            const double cone = LEAN_MOST * friction;
+            const reals pushing = push - (tilt_one * x + tilt_two * y);
+            const reals stuck_x = x / pushing, stuck_y = y / pushing;
+            const flags pushes = push > 0.0, sticks = pushes & (
+                root(x * x + y * y) <= cone * pushing);
+            for (int n = 0; n < STEPS; ++n) {
+                const reals by = 1.0 / root(x * x + y * y), c = x * by, s = y * by;
+                const reals wanted = more(1.0 + cone * (tilt_one * c + tilt_two * s), none + LEAST)
+                    / (cone * push);
+                reals less_x, less_y;
+                held(slip, x, y, less_x, less_y);
+                const reals shrinks = c * less_x + s * less_y;
+                const reals turns = (tilt_one * (less_x - c * shrinks)
+                                     + tilt_two * (less_y - s * shrinks)) * by / push;
+                reals slope = shrinks * by * by;
+                slope = more(slope + turns, 0.5 * slope);
+                slip = more(slip + (wanted - by) / slope, none);
+                held(slip, by_one, by_two, x, y);
+            }
+            x = pushes ? x : by_one;
+            y = pushes ? y : by_two;
+            const reals edge = cone / root(x * x + y * y);
+            x = sticks ? stuck_x : x * edge;
+            y = sticks ? stuck_y : y * edge;
+            const flags stays = root(by_one * by_one + by_two * by_two) < STILL;
+            x = stays ? none : x;
+            y = stays ? none : y;
             for (int k = 0; k < J; ++k)
-                j[k] += mean * (by_one * a[k] + by_two * b[k]);
-            leans = slides ? (reals)(LEAN_SIGMA * friction) : (reals)(LEAN_UNKNOWN * friction);
+                j[k] += x * a[k] + y * b[k];
+            const reals far = root(x * x + y * y);
+            ahead_one = far > 0.0 ? x / far : none + 1.0;
+            ahead_two = far > 0.0 ? y / far : none;
+            aside = stays ? (reals)(LEAN_UNKNOWN * friction) : (reals)(LEAN_ASIDE * friction);
+            sigma = stays | sticks ? aside : (reals)(LEAN_SIGMA * friction);
         }
         for (int k = 0; k < J; ++k) {
             size += j[k] * j[k];
@@ -81,12 +136,13 @@ _SUM = lanes_begin() + """
         const reals push = more(pushed, none);
         reals left = total - push * push / size, narrow = none + 1.0;
         if (friction != 0.0) {
-            leans *= push / size;
+            const reals long_by = sigma * push / size, wide_by = aside * push / size;
             reals aa = none + 1.0, bb = aa, ab = none;
             reals ja = none, jb = none, fa = none, fb = none;
             for (int k = 0; k < J; ++k) {
-                a[k] *= leans;
-                b[k] *= leans;
+                const reals ahead = (a[k] * ahead_one + b[k] * ahead_two) * long_by;
+                b[k] = (b[k] * ahead_one - a[k] * ahead_two) * wide_by;
+                a[k] = ahead;
                 aa += a[k] * a[k];
                 bb += b[k] * b[k];
                 ab += a[k] * b[k];
@@ -140,8 +196,10 @@ _SUM = lanes_begin() + """
 for _name, _value in (
         ("GROUPS = MOST", f"GROUPS = {-(-MOST_DIRECTIONS // LANES)}"),
         ("LEVEL", repr(LEVEL)), ("WORST", repr(float(WORST))),
-        ("LEAN_MEAN", repr(LEAN_MEAN)), ("LEAN_SIGMA", repr(LEAN_SIGMA)),
-        ("LEAN_UNKNOWN", repr(LEAN_UNKNOWN)), ("STILL", repr(STILL_M)),
+        ("LEAN_MOST", repr(LEAN_MOST)), ("LEAN_SIGMA", repr(LEAN_SIGMA)),
+        ("LEAN_ASIDE", repr(LEAN_ASIDE)), ("LEAN_UNKNOWN", repr(LEAN_UNKNOWN)),
+        ("STEPS", repr(STEPS)), ("STILL", repr(STILL_M)), ("FLAT", repr(FLAT)),
+        ("LEAST", repr(LEAST)),
         ("NEGLIGIBLE", repr(float(NEGLIGIBLE))), ("HALF_BITS", repr(0.5 / log(2.0)))):
     _SUM = _SUM.replace(_name, _value)
 

@@ -3,9 +3,9 @@
 
 Without friction a contact force acts through the axis of a round link, along the body's normal. So
 a place along the axis and a direction around it explain the four torques of a finger, up to the
-size of the force. With friction the force leans along the way that the link slides
+size of the force. With friction the force leans as the link sticks or slides
 (`warpgrasp.finger.sliding`): by a share of its normal part that is taken as normally distributed,
-each way along the surface. The posterior over places and directions is the likelihood of the
+along the way it leans and across. The posterior over places and directions is the likelihood of the
 torques, whatever the size and the lean of the force, times how well the body agrees: its surface is
 one link radius from the axis there, its normal is the direction, and no capsule beside it is nearer
 to the body.
@@ -53,7 +53,7 @@ from warpgrasp.core.dtypes import (
     vec3,
     vec4,
 )
-from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
+from warpgrasp.finger.sliding import force_lean
 from warpgrasp.geometry.sdf_superquadric import SuperquadricShape
 from warpgrasp.geometry.superquadric_gauges import gauges_at
 
@@ -127,15 +127,15 @@ def _unexplained(
          + (turn_x * two[0] + turn_y * two[1] + turn_z * two[2]) * radius)
     b = (by_x * two[0] + by_y * two[1] + by_z * two[2]
          - (turn_x * one[0] + turn_y * one[1] + turn_z * one[2]) * radius)
-    slides = sliding_way(j, a, b, step, ease)
-    mean = lean_mean(slides, friction)
-    j += a * mean[0] + b * mean[1]
+    lean = force_lean(j, a, b, step, ease, friction)
+    j += a * lean.mean[0] + b * lean.mean[1]
     size = wp.max(wp.dot(j, j), _TINY)
-    # Spread of the torques: one, and that of the force's lean both ways, for the push that explains
-    # most without it.
-    leans = lean_sigma(slides, friction) * wp.max(wp.dot(j, felt), ZERO) / size
-    a *= leans
-    b *= leans
+    # Spread of the torques: one, and that of the force's lean along its way and across, for the push
+    # that explains most without it.
+    push = wp.max(wp.dot(j, felt), ZERO) / size
+    ahead = (a * lean.along[0] + b * lean.along[1]) * push
+    b = (a * lean.across[0] + b * lean.across[1]) * push
+    a = ahead
     aa = ONE + wp.dot(a, a)
     bb = ONE + wp.dot(b, b)
     ab = wp.dot(a, b)
@@ -148,8 +148,8 @@ def _unexplained(
     jj = size - (bb * ja * ja - TWO * ab * ja * jb + aa * jb * jb) * narrower
     jf = wp.dot(j, felt) - (bb * ja * fa - ab * (ja * fb + jb * fa) + aa * jb * fb) * narrower
     ff = total - (bb * fa * fa - TWO * ab * fa * fb + aa * fb * fb) * narrower
-    push = wp.max(jf, ZERO)
-    return vec2(ff - push * push / wp.max(jj, _TINY), wp.sqrt(narrower))
+    left = wp.max(jf, ZERO)
+    return vec2(ff - left * left / wp.max(jj, _TINY), wp.sqrt(narrower))
 
 
 @wp.func

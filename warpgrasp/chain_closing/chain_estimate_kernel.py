@@ -36,17 +36,16 @@ from warpgrasp.closing.contact_places_kernel import (
     CAP,
     CAP_COS,
     CAP_SIN,
-    LEAN_ACROSS,
-    LEAN_ALONG,
     LEANS,
     force_gain,
     force_gain_at,
+    lean_tried,
     most_force_gain,
     most_placed_gain,
     swept_share,
 )
 from warpgrasp.core.dtypes import HALF, ONE, PI, ZERO, mat33, real, struct, transform, vec2, vec3
-from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
+from warpgrasp.finger.sliding import force_lean
 from warpgrasp.mechanism.tendon_kernel import moving_sign
 from warpgrasp.probe_status import ProbeStatus
 
@@ -161,19 +160,16 @@ def _with_side(
         by_along = _turns(hand, pose, joint, x, u, felt)
         by_across = _turns(hand, pose, joint, x, across, felt)
         rise_across = _turns(hand, pose, joint, x + line, across, felt) - by_across
-    slides = sliding_way(by_out + rise_out * HALF, by_along, by_across + rise_across * HALF,
-                         felt.way, felt.ease)
-    mean = lean_mean(slides, felt.friction)
-    sigma = lean_sigma(slides, felt.friction)
+    lean = force_lean(by_out + rise_out * HALF, by_along, by_across + rise_across * HALF, felt.way,
+                      felt.ease, felt.friction)
     outwards = wp.dot(by_out, felt.way)
     outwards_rise = wp.dot(rise_out, felt.way)
     swept = _along_vec()
     known = int(0)
-    for lean in range(felt.leans):
-        along = mean[0] + sigma * real(LEAN_ALONG[lean])
-        aside = mean[1] + sigma * real(LEAN_ACROSS[lean])
-        low = by_out + by_along * along + by_across * aside
-        rise = rise_out + rise_across * aside
+    for tried in range(felt.leans):
+        leans = lean_tried(lean, tried)
+        low = by_out + by_along * leans[0] + by_across * leans[1]
+        rise = rise_out + rise_across * leans[1]
         square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise), wp.dot(rise, rise))
         product = vec2(wp.dot(low, felt.torque), wp.dot(rise, felt.torque))
         line_most = most_force_gain(square, product, _NO_ARM)
@@ -222,12 +218,10 @@ def _with_cap(
         if felt.leans > 1:
             by_up = _turns(hand, pose, joint, x, up, felt)
             by_across = _turns(hand, pose, joint, x, wp.cross(u, out), felt)
-        slides = sliding_way(by_out, by_up, by_across, felt.way, felt.ease)
-        mean = lean_mean(slides, felt.friction)
-        sigma = lean_sigma(slides, felt.friction)
-        for lean in range(felt.leans):
-            push = (by_out + by_up * (mean[0] + sigma * real(LEAN_ALONG[lean]))
-                    + by_across * (mean[1] + sigma * real(LEAN_ACROSS[lean])))
+        lean = force_lean(by_out, by_up, by_across, felt.way, felt.ease, felt.friction)
+        for tried in range(felt.leans):
+            leans = lean_tried(lean, tried)
+            push = by_out + by_up * leans[0] + by_across * leans[1]
             g = force_gain(wp.dot(push, push), wp.dot(push, felt.torque), _NO_ARM)
             if felt.turn == 0:
                 post.most = wp.max(post.most, g)

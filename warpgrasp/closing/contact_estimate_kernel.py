@@ -15,11 +15,10 @@ from warpgrasp.closing.contact_places_kernel import (
     CAP,
     CAP_COS,
     CAP_SIN,
-    LEAN_ACROSS,
-    LEAN_ALONG,
     LEANS,
     force_gain,
     force_gain_at,
+    lean_tried,
     most_force_gain,
     most_placed_gain,
     swept_share,
@@ -38,7 +37,7 @@ from warpgrasp.core.dtypes import (
     vec4,
 )
 from warpgrasp.core.reading_kernel import mean_variance
-from warpgrasp.finger.sliding import lean_mean, lean_sigma, sliding_way
+from warpgrasp.finger.sliding import force_lean
 from warpgrasp.mechanism.tendon_kernel import TendonSensor, moving_sign, torque_from_tensions
 from warpgrasp.mechanism.utah_mit_hand_kernel import (
     FingerPose,
@@ -264,18 +263,15 @@ def estimate_kernel(
                     # Along the surface a force acts on the skin, a radius from the axis.
                     ways = _ways(f, link, a + out * arm, u * length, out, u, wp.cross(u, out),
                                  root, leans)
-                    slides = sliding_way(
+                    lean = force_lean(
                         ways.out + ways.out_rise * HALF, ways.along,
-                        ways.across + ways.across_rise * HALF, commanded, ease)
-                    mean = lean_mean(slides, hand.friction)
-                    sigma = lean_sigma(slides, hand.friction)
+                        ways.across + ways.across_rise * HALF, commanded, ease, hand.friction)
                     outwards = wp.dot(ways.out, commanded)
                     outwards_rise = wp.dot(ways.out_rise, commanded)
-                    for lean in range(leans):
-                        along_link = mean[0] + sigma * real(LEAN_ALONG[lean])
-                        across = mean[1] + sigma * real(LEAN_ACROSS[lean])
-                        low = ways.out + ways.along * along_link + ways.across * across
-                        rise = ways.out_rise + ways.across_rise * across
+                    for number in range(leans):
+                        tried = lean_tried(lean, number)
+                        low = ways.out + ways.along * tried[0] + ways.across * tried[1]
+                        rise = ways.out_rise + ways.across_rise * tried[1]
                         square = vec3(wp.dot(low, low), real(2.0) * wp.dot(low, rise),
                                       wp.dot(rise, rise))
                         product = vec2(wp.dot(low, felt), wp.dot(rise, felt))
@@ -309,14 +305,12 @@ def estimate_kernel(
                             PI * HALF * r / _CAP_REAL)
                         ways = _ways(f, 2, f.p4 + tip_out * arm, vec3(ZERO, ZERO, ZERO), tip_out,
                                      up, wp.cross(u, out), root, leans)
-                        slides = sliding_way(ways.out, ways.along, ways.across, commanded, ease)
-                        mean = lean_mean(slides, hand.friction)
-                        sigma = lean_sigma(slides, hand.friction)
+                        lean = force_lean(ways.out, ways.along, ways.across, commanded, ease,
+                                          hand.friction)
                         cell_swept = cell * swept_share(wp.dot(ways.out, commanded), turned)
-                        for lean in range(leans):
-                            push = (ways.out
-                                    + ways.along * (mean[0] + sigma * real(LEAN_ALONG[lean]))
-                                    + ways.across * (mean[1] + sigma * real(LEAN_ACROSS[lean])))
+                        for number in range(leans):
+                            tried = lean_tried(lean, number)
+                            push = ways.out + ways.along * tried[0] + ways.across * tried[1]
                             gain = force_gain(wp.dot(push, push), wp.dot(push, felt), _TINY)
                             if turn == 0:
                                 line_most[line] = wp.max(line_most[line], gain)

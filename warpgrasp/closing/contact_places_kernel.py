@@ -7,6 +7,7 @@ import numpy as np
 import warp as wp
 
 from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, vec2, vec3
+from warpgrasp.finger.sliding import Lean
 
 ALONG, AROUND, CAP = 24, 13, 5
 """Places along a link, around its palmar half, and rings of the tip's cap."""
@@ -21,13 +22,13 @@ AROUND_SIN = wp.constant(_around_vec(*np.sin(_TURNS)))
 CAP_COS = wp.constant(_cap_vec(*np.cos(_UPS)))
 CAP_SIN = wp.constant(_cap_vec(*np.sin(_UPS)))
 LEANS = 5
-"""Directions of a force with friction: the one in the mean, and four about it."""
+"""Forces tried where there is friction: the one that leans as in the mean, and four about it."""
 _lean_vec = wp.types.vector(length=LEANS, dtype=real)
 # Together they have a deviation of one each way.
 _LEAN = np.sqrt(2 * LEANS / (LEANS - 1))
 _LEAN_ANGLES = 2 * np.pi * np.arange(LEANS - 1) / (LEANS - 1)
-LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
-LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
+_LEAN_ALONG = wp.constant(_lean_vec(0.0, *(_LEAN * np.cos(_LEAN_ANGLES))))
+_LEAN_ACROSS = wp.constant(_lean_vec(0.0, *(_LEAN * np.sin(_LEAN_ANGLES))))
 LEAST_SWEPT_M = 1e-3
 """Places that go outwards by less per radian of the command, or inwards, count as this: another
 finger or the arm may have pushed them [est]."""
@@ -57,6 +58,14 @@ def swept_share(outwards: real, turned: real):
     """What skin sweeps that goes `outwards` [m] for a step of the command that turns joints by
     `turned` [rad]; the same everywhere where it turns none."""
     return wp.where(turned > ZERO, wp.max(outwards, turned * _LEAST_SWEPT), ONE)
+
+
+@wp.func
+def lean_tried(lean: Lean, number: int):
+    """How far one of the forces tried leans, both ways along the surface, as a share of its push.
+    """
+    return (lean.mean + lean.along * real(_LEAN_ALONG[number])
+            + lean.across * real(_LEAN_ACROSS[number]))
 
 
 @wp.func

@@ -16,8 +16,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "free_motion": ["FreeFinger", "advance_free", "start_free"],
     "path_record": ["LinkStep", "PathStep", "true_command"],
     "path_table": ["path_on_device"],
-    "sliding": ["LEAN_MEAN", "LEAN_SIGMA", "LEAN_UNKNOWN", "STILL_M", "lean_mean", "lean_sigma",
-        "sliding_way"],
+    "sliding": ["FLAT", "LEAN_ASIDE", "LEAN_MOST", "LEAN_SIGMA", "LEAN_UNKNOWN", "LEAST", "STEPS",
+        "STILL_M", "Lean", "force_lean"],
     "torque_bounds": ["agree", "bound_shares", "intersect_balls", "may_stop", "predict_joints",
         "stop_reading", "torque_bound"],
 })

@@ -1,62 +1,148 @@
 # type: ignore  # Warp functions, which type checkers cannot follow
-"""Which way a place of a finger's skin slides over what it touches, and how far friction lets the
-force there lean.
+"""How the force on a place of a finger's skin leans, by friction, when its command goes further.
 
-A finger that is commanded further while a surface holds it keeps off the surface only by the push
-that its servos yield to: of the motion that its command asks for, the part into the surface is
-taken back by a push along the normal, which turns the joints as their servos are stiff. What is
-left goes along the surface. A finger that stops has mostly slid: friction then holds all it can
-against the motion (Coulomb), so that the force on what is touched leans along it.
+A finger that is commanded further while a surface holds it yields as its servos are stiff. Of the
+motion that its command asks of the place, a push along the normal takes back what goes into the
+surface, and friction what goes along it, as far as it can (Coulomb). If the force that takes back
+all of it lies within the friction cone, the place sticks, and the force leans as that one does.
+Otherwise the force lies on the edge of the cone and leans along the way that the place then slides.
+Step by step force and motion grow alike, so this holds from the first touch on.
 """
 
 from typing import Any
 
 import warp as wp
 
-from warpgrasp.core.dtypes import ZERO, real, vec2
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
 
-LEAN_MEAN, LEAN_SIGMA = 0.9, 0.2
-"""How far a force leans along the way its finger slides, mean and deviation, and the deviation
-across it; shares of the coefficient [est]. Of stops of two hands on four bodies (docs/model.md)
-it is 0.94, 0.14 and 0.22 where the coefficient is known; that of a skin is not."""
+LEAN_MOST, LEAN_SIGMA = 0.9, 0.2
+"""How far a force that slides leans, mean and deviation; shares of the coefficient [est]. Where the
+coefficient is known all lie on the edge of the cone; that of a skin is not."""
+LEAN_ASIDE = 0.1
+"""Deviation of any force across the way it leans, and along it of one that sticks [est]."""
 LEAN_UNKNOWN = 0.5
-"""Deviation each way where a finger slides nowhere: of directions that fill the cone evenly."""
-_LEAN_MEAN = wp.constant(real(LEAN_MEAN))
-_LEAN_SIGMA = wp.constant(real(LEAN_SIGMA))
-_LEAN_UNKNOWN = wp.constant(real(LEAN_UNKNOWN))
-_TINY = wp.constant(real(1e-300))
+"""Deviation each way where a finger goes nowhere: of directions that fill the cone evenly."""
 STILL_M = 1e-9
 """What goes by less in a step of the command stays."""
+FLAT = 1e-7
+"""Share of how far a place yields along the surface that it yields at least, each way, and its
+square outwards: a finger of two joints does not go across at all."""
+LEAST = 1e-3
+"""Least share of its push without friction that a place is taken to be pushed by, sliding."""
+STEPS = 3
+"""Newton's steps to the force of a place that slides: as a rule right to 0.02 of the cone."""
+_LEAN_MOST = wp.constant(real(LEAN_MOST))
+_LEAN_SIGMA = wp.constant(real(LEAN_SIGMA))
+_LEAN_ASIDE = wp.constant(real(LEAN_ASIDE))
+_LEAN_UNKNOWN = wp.constant(real(LEAN_UNKNOWN))
 _STILL = wp.constant(real(STILL_M))
+_FLAT = wp.constant(real(FLAT))
+_STEPS = wp.constant(STEPS)
+_TINY = wp.constant(real(1e-300))
+_LEAST = wp.constant(real(LEAST))
 
 
-@wp.func
-def sliding_way(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
-    """Unit vector along which a place slides, by the two directions along the surface that go with
-    its outward one; zero where it stays.
+@struct
+class Lean:
+    """How far a force leans both ways along the surface, as shares of its push."""
 
-    `by_out`, `by_one` and `by_two` are its motions per radian of each joint [m/rad], `way` the
-    command's last step [rad], and `ease` how far a joint yields to a torque [rad/(N m)]; both 0 of
-    joints held by their stops. Joints may be counted in other units, if all five are.
+    mean: vec2
+    along: vec2
+    """One standard deviation along the way it leans."""
+    across: vec2
+    """One across that way."""
+
+
+@struct
+class _Sideways:
+    """How a place goes along the surface while a push keeps it out of it."""
+
+    push: real
+    """That takes back all of the command's step into the surface, without friction."""
+    tilt: vec2
+    """How much less push it takes where a unit force along the surface helps."""
+    slides: vec2
+    """Motion without friction [m]."""
+    one: real
+    both: real
+    two: real
+    """How far it yields: to a force one way, the other way by that force, and the other way [m/N].
     """
+
+
+@wp.func
+def _sideways(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
+    side = _Sideways()
     yielding = wp.cw_mul(by_out, ease)
-    push = wp.dot(by_out, way) / wp.max(wp.dot(by_out, yielding), _TINY)
-    one = wp.dot(by_one, way) - push * wp.dot(by_one, yielding)
-    two = wp.dot(by_two, way) - push * wp.dot(by_two, yielding)
-    size = wp.sqrt(one * one + two * two)
-    if size < _STILL:
-        return vec2(ZERO, ZERO)
-    return vec2(one, two) / size
+    one = wp.dot(by_one, wp.cw_mul(by_one, ease))
+    two = wp.dot(by_two, wp.cw_mul(by_two, ease))
+    flat = _FLAT * (one + two) + _TINY
+    easy = ONE / (wp.dot(by_out, yielding) + _FLAT * flat + _TINY)
+    into = wp.dot(by_out, way)
+    pull = vec2(wp.dot(by_one, yielding), wp.dot(by_two, yielding))
+    side.push = into * easy
+    side.tilt = pull * easy
+    side.slides = vec2(wp.dot(by_one, way), wp.dot(by_two, way)) - side.tilt * into
+    side.one = one - side.tilt[0] * pull[0] + flat
+    side.both = wp.dot(by_two, wp.cw_mul(by_one, ease)) - side.tilt[0] * pull[1]
+    side.two = two - side.tilt[1] * pull[1] + flat
+    return side
 
 
 @wp.func
-def lean_mean(slides: vec2, friction: real):
-    """How far a force leans in the mean, both ways along the surface, as a share of its push.
-    `slides` is of `sliding_way`, `friction` the coefficient."""
-    return slides * (_LEAN_MEAN * friction)
+def _held(side: _Sideways, slip: real, motion: vec2):
+    """The force along the surface that holds a motion, where each newton lets `slip` [m] pass."""
+    one = side.one + slip
+    two = side.two + slip
+    return vec2(two * motion[0] - side.both * motion[1], one * motion[1] - side.both * motion[0]
+                ) / wp.max(one * two - side.both * side.both, _TINY)
 
 
 @wp.func
-def lean_sigma(slides: vec2, friction: real):
-    """Its standard deviation, the same both ways."""
-    return wp.where(wp.length_sq(slides) > ZERO, _LEAN_SIGMA, _LEAN_UNKNOWN) * friction
+def force_lean(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any, friction: real):
+    """How the force on what a place touches leans, as a `Lean`.
+
+    `by_out`, `by_one` and `by_two` are the motions of the place per radian of each joint [m/rad],
+    outwards and both ways along the surface, `way` is the command's last step [rad], and `ease` how
+    far a joint yields to a torque [rad/(N m)]; both 0 of joints held by their stops. Joints may be
+    counted in other units, if all five are. `friction` is the coefficient.
+    """
+    lean = Lean()
+    side = _sideways(by_out, by_one, by_two, way, ease)
+    if wp.length(side.slides) < _STILL:
+        lean.along = vec2(_LEAN_UNKNOWN * friction, ZERO)
+        lean.across = vec2(ZERO, _LEAN_UNKNOWN * friction)
+        return lean
+    cone = _LEAN_MOST * friction
+    sigma = _LEAN_SIGMA * friction
+    aside = _LEAN_ASIDE * friction
+    # Pushed from elsewhere it slides as if there were no friction.
+    lean.mean = wp.normalize(side.slides) * cone
+    if side.push > ZERO:
+        force = _held(side, ZERO, side.slides)
+        push = side.push - wp.dot(side.tilt, force)
+        if wp.length(force) <= cone * push:
+            lean.mean = force / push
+            sigma = aside
+        else:
+            slip = real(0.0)
+            for _ in range(_STEPS):
+                size = wp.length(force)
+                ahead = force / size
+                # One over the force that the cone allows this way, and over the one that holds;
+                # Newton's method makes them alike.
+                wanted = wp.max(ONE + cone * wp.dot(side.tilt, ahead), _LEAST) / (cone * side.push)
+                less = _held(side, slip, force)
+                shrinks = wp.dot(ahead, less)
+                turns = wp.dot(side.tilt, less - ahead * shrinks) / (size * side.push)
+                slope = shrinks / (size * size)
+                slope = wp.max(slope + turns, HALF * slope)
+                slip = wp.max(slip + (wanted - ONE / size) / slope, ZERO)
+                force = _held(side, slip, side.slides)
+            lean.mean = wp.normalize(force) * cone
+    ahead = vec2(ONE, ZERO)
+    if wp.length_sq(lean.mean) > ZERO:
+        ahead = wp.normalize(lean.mean)
+    lean.along = ahead * sigma
+    lean.across = vec2(-ahead[1], ahead[0]) * aside
+    return lean

@@ -2,9 +2,10 @@
 
 A place of a finger's skin weighs its area, times how fast it went outwards by the command's last
 step, times the likelihood of the torques at the best size of a force there; next to nothing where
-another capsule of its link covers it. With friction the force leans along the way in which a middle
-of the link slides while servos yield to a push along the normal, by nine tenths of the coefficient,
-give or take two tenths in every direction; where it stays, in any direction by half of it.
+another capsule of its link covers it. With friction the force leans as it does at a middle of the
+link, where it lies within nine tenths of the cone, or slides on the edge of that: give or take a
+tenth of the coefficient each way, and two tenths along its way if it slides. Where the link goes
+nowhere it leans in any direction, by half of it.
 The places are the midpoints of the kernels' grid.
 """
 
@@ -56,16 +57,50 @@ def segment_distance(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> 
     return np.linalg.norm(points - start - share[:, None] * line, axis=-1)
 
 
-def sliding(lever: np.ndarray, out: np.ndarray, step: np.ndarray, ease: np.ndarray) -> np.ndarray:
-    """Unit vectors (place, 3) in which places slide whose motion a radian is `lever`: of the motion
-    asked for, what is left when a push along the normal stops it there. Zeros where they stay."""
+def sideways(out: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Two unit vectors (place, 3) along a surface whose normals are `out`."""
+    one = np.cross(out, np.eye(3)[np.abs(out).argmin(-1)])
+    one /= np.linalg.norm(one, axis=-1)[:, None]
+    return one, np.cross(out, one)
+
+
+def leaning(lever: np.ndarray, out: np.ndarray, step: np.ndarray, ease: np.ndarray, cone: float
+            ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How forces (place, 3) lean, as shares of their push, on places whose motion a radian is
+    `lever`: those that take back all of the motion asked for, if they lie within the cone, else
+    those on its edge that leave a motion their own way. Found by bisection of how far each newton
+    lets a place slide. Also which stick, and which go nowhere along the surface."""
     asked = np.einsum("pjk,j->pk", lever, step)
-    yields = np.einsum("pjk,j,pjl,pl->pk", lever, ease, lever, out)
-    v = asked - yields * ((asked * out).sum(-1) / np.maximum((yields * out).sum(-1), 1e-300)
-                          )[:, None]
-    v -= (v * out).sum(-1)[:, None] * out
-    speed = np.linalg.norm(v, axis=-1)[:, None]
-    return np.divide(v, speed, out=np.zeros_like(v), where=speed > 1e-9)
+    yields = np.einsum("pjk,j,pjl->pkl", lever, ease, lever)
+    frame = np.stack([out, *sideways(out)], axis=1)
+    asked = np.einsum("pik,pk->pi", frame, asked)
+    yields = np.einsum("pik,pkl,pjl->pij", frame, yields, frame)
+    size = np.trace(yields[:, 1:, 1:], axis1=1, axis2=2)
+    own = yields[:, 0, 0] + 1e-14 * size + 1e-300
+    tilt = yields[:, 0, 1:] / own[:, None]
+    slides = asked[:, 1:] - tilt * asked[:, :1]
+    still = np.linalg.norm(slides, axis=-1) < 1e-9
+    left = yields[:, 1:, 1:] - yields[:, 1:, :1] * tilt[:, None]
+
+    def force(slip: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        (a, b), (_, c) = left.transpose(1, 2, 0) + np.eye(2)[..., None] * (slip + 1e-7 * size)
+        along = np.stack([c * slides[:, 0] - b * slides[:, 1], a * slides[:, 1] - b * slides[:, 0]],
+                         -1) / np.maximum(a * c - b * b, 1e-300)[:, None]
+        return along, asked[:, 0] / own - (tilt * along).sum(-1)
+
+    along, push = force(np.zeros(len(out)))
+    stuck = (np.linalg.norm(along, axis=-1) <= cone * push) & (asked[:, 0] > 0.0)
+    share = along / np.where(stuck, push, 1.0)[:, None]
+    low, high = np.log(1e-9 * size + 1e-300), np.log(1e9 * size + 1e-300)
+    for _ in range(60):
+        middle = (low + high) / 2
+        along, push = force(np.exp(middle))
+        over = np.linalg.norm(along, axis=-1) > cone * push
+        low, high = np.where(over, middle, low), np.where(over, high, middle)
+    edge = np.where((asked[:, 0] > 0.0)[:, None], along, slides)
+    edge = cone * edge / np.maximum(np.linalg.norm(edge, axis=-1), 1e-300)[:, None]
+    share = np.where(still[:, None], 0.0, np.where(stuck[:, None], share, edge))
+    return np.einsum("pi,pik->pk", share, frame[:, 1:]), stuck, still
 
 
 def posterior(
@@ -89,14 +124,18 @@ def posterior(
 
     def note(skin: Skin, axis: np.ndarray, out: np.ndarray, along: np.ndarray, area: np.ndarray,
              middle: np.ndarray) -> None:
-        across = np.cross(along, out)
         skin_m = axis + skin.radius * out
         force = np.repeat(out[:, None], len(leans), axis=1)
         if friction:
-            slides = sliding(skin.lever(middle + skin.radius * out), out, step, ease)
-            spread = np.where(slides.any(-1), 0.2, 0.5)[:, None, None]
-            force = force + friction * (0.9 * slides[:, None] + spread * (
-                leans[:, :1] * along[:, None] + leans[:, 1:] * across[:, None]))
+            mean, stuck, still = leaning(skin.lever(middle + skin.radius * out), out, step, ease,
+                                         0.9 * friction)
+            far = np.linalg.norm(mean, axis=-1)[:, None]
+            ahead = np.where(far > 0.0, mean / np.maximum(far, 1e-300), along)
+            spread = friction * np.where(still, 0.5, 0.1)[:, None, None]
+            longer = np.where(stuck | still, 1.0, 2.0)[:, None, None]
+            force = force + mean[:, None] + spread * (
+                longer * leans[:, :1] * ahead[:, None]
+                + leans[:, 1:] * np.cross(out, ahead)[:, None])
         by = np.einsum("pjk,plk->plj", skin.lever(skin_m), force) / sigma
         push = np.maximum(by @ (torque / sigma), 0.0)
         gains.append(push**2 / np.maximum((by**2).sum(-1), least))

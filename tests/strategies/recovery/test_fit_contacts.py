@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from reference_posterior import sliding
+from reference_posterior import leaning
 from scipy.spatial.transform import Rotation
 
 from fit.superquadric.fit import fit_superquadric
@@ -62,7 +62,8 @@ def ball_links(
     aside = rng.uniform(-np.pi, np.pi, n)[:, None]
     way = np.cos(aside) * along + np.sin(aside) * np.cross(along, outward)
     if went is not None:
-        way = sliding(slopes.swapaxes(0, 1), outward, went, np.full(4, 0.5))
+        # Beside `lean` servos, and so places, are soft: they slide.
+        way = leaning(slopes.swapaxes(0, 1), outward, went, np.full(4, 0.5), lean)[0] / lean
     push = outward + lean * way
     hands = Rotation.random(n, rng=rng)
     normal = -hands.apply(outward)
