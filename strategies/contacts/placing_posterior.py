@@ -130,8 +130,8 @@ def _unexplained(
     lean = force_lean(j, a, b, step, ease, friction)
     j += a * lean.mean[0] + b * lean.mean[1]
     size = wp.max(wp.dot(j, j), _TINY)
-    # Spread of the torques: one, and that of the force's lean along its way and across, for the push
-    # that explains most without it.
+    # Spread of the torques: one, and that of the force's lean along its way and across, for the
+    # push that explains most without it.
     push = wp.max(wp.dot(j, felt), ZERO) / size
     ahead = (a * lean.along[0] + b * lean.along[1]) * push
     b = (a * lean.across[0] + b * lean.across[1]) * push

@@ -4,8 +4,8 @@
 from the measured joint angles. `intrinsic`: intrinsic contact sensing (Bicchi, Salisbury and Brock
 1993, Contact sensing from force measurements) from joint torques. A frictionless contact force acts
 along the normal of a link's capsule, and the four joint torques determine its place. With friction
-it leans along the way that the link slides (`warpgrasp.finger.sliding`). The posterior over all
-places of the three capsules, and over directions about that one, gives the mean and the covariance.
+it leans as the link sticks or slides (`warpgrasp.finger.sliding`). The posterior over all places of
+the three capsules, and over directions about that one, gives the mean and the covariance.
 Before any torque a place is as likely as what it sweeps on the way that the finger was going.
 """
 
