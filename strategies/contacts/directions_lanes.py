@@ -85,46 +85,45 @@ _SUM = lanes_begin() + """
             one_yields += flat - tilt_one * one_pull;
             both -= tilt_one * two_pull;
             two_yields += flat - tilt_two * two_pull;
-            auto held = [&](reals slip, reals along_one, reals along_two, reals& x, reals& y) {
+            auto passing = [&](reals slip, reals go_one, reals go_two, reals& x, reals& y) {
                 const reals p = one_yields + slip, q = two_yields + slip;
-                const reals by = 1.0 / more(p * q - both * both, tiny);
-                x = (q * along_one - both * along_two) * by;
-                y = (p * along_two - both * along_one) * by;
+                x = q * go_one - both * go_two;
+                y = p * go_two - both * go_one;
+                return p * q - both * both;
             };
             reals x, y, slip = none;
-            held(slip, by_one, by_two, x, y);
             const double cone = LEAN_MOST * friction;
-            const reals pushing = push - (tilt_one * x + tilt_two * y);
-            const reals stuck_x = x / pushing, stuck_y = y / pushing;
-            const flags pushes = push > 0.0, sticks = pushes & (
-                root(x * x + y * y) <= cone * pushing);
+            const reals edge = none + cone, by_push = 1.0 / push;
+            const reals pushing = push * passing(slip, by_one, by_two, x, y)
+                - (tilt_one * x + tilt_two * y);
+            const reals still_x = x, still_y = y, still_size = root(x * x + y * y);
+            const flags pushes = push > 0.0, sticks = pushes & (still_size <= cone * pushing);
             for (int n = 0; n < STEPS; ++n) {
                 const reals by = 1.0 / root(x * x + y * y), c = x * by, s = y * by;
                 const reals wanted = more(1.0 + cone * (tilt_one * c + tilt_two * s), none + LEAST)
-                    / (cone * push);
+                    * by_push * (1.0 / cone);
                 reals less_x, less_y;
-                held(slip, x, y, less_x, less_y);
+                const reals wide = passing(slip, c, s, less_x, less_y);
                 const reals shrinks = c * less_x + s * less_y;
                 const reals turns = (tilt_one * (less_x - c * shrinks)
-                                     + tilt_two * (less_y - s * shrinks)) * by / push;
-                reals slope = shrinks * by * by;
+                                     + tilt_two * (less_y - s * shrinks)) * by_push;
+                reals slope = wide * shrinks * by;
                 slope = more(slope + turns, 0.5 * slope);
-                slip = more(slip + (wanted - by) / slope, none);
-                held(slip, by_one, by_two, x, y);
+                slip = more(slip + wide * (wanted - wide * by) / slope, none);
+                passing(slip, by_one, by_two, x, y);
             }
-            x = pushes ? x : by_one;
-            y = pushes ? y : by_two;
-            const reals edge = cone / root(x * x + y * y);
-            x = sticks ? stuck_x : x * edge;
-            y = sticks ? stuck_y : y * edge;
+            x = pushes ? (sticks ? still_x : x) : by_one;
+            y = pushes ? (sticks ? still_y : y) : by_two;
             const flags stays = root(by_one * by_one + by_two * by_two) < STILL;
-            x = stays ? none : x;
-            y = stays ? none : y;
+            const reals by = 1.0 / root(x * x + y * y);
+            const flags goes = (x != 0.0) | (y != 0.0);
+            ahead_one = goes ? x * by : none + 1.0;
+            ahead_two = goes ? y * by : none;
+            const reals far = stays ? none : sticks ? still_size / pushing : edge;
+            x = ahead_one * far;
+            y = ahead_two * far;
             for (int k = 0; k < J; ++k)
                 j[k] += x * a[k] + y * b[k];
-            const reals far = root(x * x + y * y);
-            ahead_one = far > 0.0 ? x / far : none + 1.0;
-            ahead_two = far > 0.0 ? y / far : none;
             aside = stays ? (reals)(LEAN_UNKNOWN * friction) : (reals)(LEAN_ASIDE * friction);
             sigma = stays | sticks ? aside : (reals)(LEAN_SIGMA * friction);
         }

@@ -13,7 +13,7 @@ from typing import Any
 
 import warp as wp
 
-from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2
+from warpgrasp.core.dtypes import HALF, ONE, ZERO, real, struct, vec2, vec3
 
 LEAN_MOST, LEAN_SIGMA = 0.9, 0.2
 """How far a force that slides leans, mean and deviation; shares of the coefficient [est]. Where the
@@ -30,7 +30,7 @@ square outwards: a finger of two joints does not go across at all."""
 LEAST = 1e-3
 """Least share of its push without friction that a place is taken to be pushed by, sliding."""
 STEPS = 3
-"""Newton's steps to the force of a place that slides: as a rule right to 0.02 of the cone."""
+"""Newton's steps to the force of a place that slides, right to some 0.03 of the cone."""
 _LEAN_MOST = wp.constant(real(LEAN_MOST))
 _LEAN_SIGMA = wp.constant(real(LEAN_SIGMA))
 _LEAN_ASIDE = wp.constant(real(LEAN_ASIDE))
@@ -90,12 +90,13 @@ def _sideways(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
 
 
 @wp.func
-def _held(side: _Sideways, slip: real, motion: vec2):
-    """The force along the surface that holds a motion, where each newton lets `slip` [m] pass."""
+def _passing(side: _Sideways, slip: real, motion: vec2):
+    """The force along the surface at which a motion passes where each newton also lets `slip` [m]
+    pass, times the determinant of how far the place yields then, and that determinant."""
     one = side.one + slip
     two = side.two + slip
-    return vec2(two * motion[0] - side.both * motion[1], one * motion[1] - side.both * motion[0]
-                ) / wp.max(one * two - side.both * side.both, _TINY)
+    return vec3(two * motion[0] - side.both * motion[1], one * motion[1] - side.both * motion[0],
+                one * two - side.both * side.both)
 
 
 @wp.func
@@ -119,26 +120,27 @@ def force_lean(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any, frict
     # Pushed from elsewhere it slides as if there were no friction.
     lean.mean = wp.normalize(side.slides) * cone
     if side.push > ZERO:
-        force = _held(side, ZERO, side.slides)
-        push = side.push - wp.dot(side.tilt, force)
+        held = _passing(side, ZERO, side.slides)
+        force = vec2(held[0], held[1])
+        push = side.push * held[2] - wp.dot(side.tilt, force)
         if wp.length(force) <= cone * push:
             lean.mean = force / push
             sigma = aside
         else:
             slip = real(0.0)
             for _ in range(_STEPS):
+                # Newton's method makes one over this force like one over what the cone allows.
                 size = wp.length(force)
                 ahead = force / size
-                # One over the force that the cone allows this way, and over the one that holds;
-                # Newton's method makes them alike.
                 wanted = wp.max(ONE + cone * wp.dot(side.tilt, ahead), _LEAST) / (cone * side.push)
-                less = _held(side, slip, force)
-                shrinks = wp.dot(ahead, less)
-                turns = wp.dot(side.tilt, less - ahead * shrinks) / (size * side.push)
-                slope = shrinks / (size * size)
+                less = _passing(side, slip, ahead)
+                shrinks = ahead[0] * less[0] + ahead[1] * less[1]
+                turns = wp.dot(side.tilt, vec2(less[0], less[1]) - ahead * shrinks) / side.push
+                slope = less[2] * shrinks / size
                 slope = wp.max(slope + turns, HALF * slope)
-                slip = wp.max(slip + (wanted - ONE / size) / slope, ZERO)
-                force = _held(side, slip, side.slides)
+                slip = wp.max(slip + less[2] * (wanted - less[2] / size) / slope, ZERO)
+                held = _passing(side, slip, side.slides)
+                force = vec2(held[0], held[1])
             lean.mean = wp.normalize(force) * cone
     ahead = vec2(ONE, ZERO)
     if wp.length_sq(lean.mean) > ZERO:
