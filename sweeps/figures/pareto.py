@@ -33,11 +33,12 @@ MOST_BARS = 40
 
 
 def draw_pareto(paired: Paired, metric: str) -> "Figure":
-    """Entries on the front in their colours with their names, the others grey."""
+    """Entries on the front in their colours with their names, the others grey. Those without a
+    value or a time have no place, and are counted."""
     found = find_front(paired, metric)
     cost, error = found.cost, found.error
-    front = sorted((n for n, by in enumerate(found.dominated_by)
-                    if by is None and not found.idle[n] and np.isfinite(error.value[n])),
+    known = np.flatnonzero(np.isfinite([error.value, cost.value]).all(axis=0)).tolist()
+    front = sorted((n for n in known if found.dominated_by[n] is None and not found.idle[n]),
                    key=lambda n: cost.value[n])
     named = front[:1] + front[1:][-(MOST_NAMED - 1):]
     names, keys = distinct_labels(paired.labels, 24)
@@ -46,13 +47,15 @@ def draw_pareto(paired: Paired, metric: str) -> "Figure":
     with drawing():
         drawn = figure(2.3 + 0.12 * ((len(named) + 4) // 2 + bool(keys)))
         axes = drawn.add_subplot()
-        idle = [n for n in np.flatnonzero(found.idle).tolist() if found.dominated_by[n] is None]
-        rest = [n for n in range(len(paired.labels)) if n not in front + idle]
+        idle = [n for n in known if found.idle[n] and found.dominated_by[n] is None]
+        rest = [n for n in known if n not in front + idle]
         bars = _bars(found, rest) if len(rest) <= MOST_BARS else {}
         axes.errorbar(cost.value[rest], error.value[rest], **bars, fmt="o", ms=2.5,
                       color=MUTED, lw=0.6, label=f"{len(rest)} dominated" if rest else None)
         axes.plot(cost.value[idle], error.value[idle], "x", ms=3.5, color=MUTED,
                   label=f"{len(idle)} no better than {REFERENCE}" if idle else None)
+        if nowhere := len(paired.labels) - len(known):
+            axes.plot([], [], " ", label=f"{nowhere} without a value or time")
         # above the bars, which run along its steps
         axes.step(cost.value[front], error.value[front], where="post", color="#222222", lw=0.8,
                   ls="--", zorder=4, label="_front")

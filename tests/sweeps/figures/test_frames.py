@@ -90,6 +90,20 @@ def test_entries_of_a_front_look_different() -> None:
     assert front.get_zorder() > max(part.get_zorder() for part in bars)  # they lie on its steps
 
 
+@pytest.mark.parametrize(("lacks", "legend"), [
+    ("chamfer_mm", {"2 without a value or time"}), (COST, {"s", "1 without a value or time"})])
+def test_a_front_counts_entries_that_have_no_place(lacks: str, legend: set[str]) -> None:
+    """Not as dominated, nor as one on the front."""
+    values = {"chamfer_mm": np.tile([5.0, 4.0], (8, 1)), COST: np.tile([50.0, 40.0], (8, 1))}
+    values[lacks][:, 1 if lacks == COST else slice(None)] = np.nan
+    paired = Paired(tuple(Entry(n, "sx"[:n + 1], {}) for n in range(2)), ("block",),
+                    {name: (of_object,) for name, of_object in values.items()},
+                    {name: np.tile(of_object[0], (1 + REPLICATES, 1))
+                     for name, of_object in values.items()}, ())
+    drawn = draw_pareto(paired, "chamfer_mm")
+    assert {text.get_text() for text in drawn.legends[0].get_texts()} == legend
+
+
 def test_levels_have_ticks_at_the_values_that_were_swept(tmp_path: Path) -> None:
     plan, store = wide_study(tmp_path, wide_text(3, 3, 4, """
 [sweep.grid]
