@@ -3,9 +3,10 @@
 Two entries are told apart if the simultaneous interval of their difference excludes zero, as in a
 leaderboard. The difference over its estimated standard error has a noncentral t distribution; what
 80 % of sweeps show is the one of which 80 % lies above the critical difference of that many
-entries. Of *these* objects the standard error is that of
-episodes within objects, and falls with the episodes of a cell. Of objects *like these* it is that
-of the objects' mean differences: their variance in the pilot, less the share that its few episodes
+entries. Of *these* objects the standard error is that of episodes within objects, and falls with
+the episodes of a cell; it has the degrees of freedom that Satterthwaite's formula finds in the
+mean, for it takes variances of few episodes for unequal. Of objects *like these* it is that of the
+objects' mean differences: their variance in the pilot, less the share that its few episodes
 have in it, plus that which the sweep's will have.
 """
 
@@ -61,12 +62,15 @@ def pilot_spreads(folder: Path, metric: str) -> Spreads:
 
 def told_apart(spreads: Spreads, entries: int, objects: int, episodes: int
                ) -> tuple[float, float]:
-    """The difference that the median pair shows in 80 % of sweeps of this size: of these objects,
-    and of objects like these (NaN for one object)."""
+    """The difference that the median pair shows in 80 % of sweeps of this size: of these objects
+    (NaN for one episode of each), and of objects like these (NaN for one object)."""
     within = spreads.within.mean(axis=1)
-    these = np.sqrt(within / episodes / objects)
-    freedom = np.full(len(these), float(objects * max(episodes - 1, 1)))
-    shown = _shown(freedom, critical_difference(entries, freedom)) * these
+    shown = np.full(len(within), np.nan)
+    if episodes > 1:
+        own = episodes - 1.0  # degrees of freedom of an object's variance
+        freedom = np.full(len(within), own * (objects * own + 2.0) / (own + 2.0))
+        shown = (_shown(freedom, critical_difference(entries, freedom))
+                 * np.sqrt(within / episodes / objects))
     if objects < 2:
         return float(np.median(shown)), float("nan")
     like = np.sqrt((spreads.between + within / episodes) / objects)
@@ -90,7 +94,8 @@ def power_row(plan: Plan, folder: Path, metric: str) -> tuple[str, str]:
     objects, episodes = len(plan.study.objects), plan.study.head.episodes_per_cell
     these, like = told_apart(spreads, max(entries, 2), objects, episodes)
     unit = " mm" if metric.endswith("_mm") else ""
-    others = ("nothing on objects like these" if not np.isfinite(like)
-              else f"{like:.2g}{unit} on objects like these")
-    return "tells_apart", (f"{these:.2g}{unit} on these objects, {others}: differences of {metric} "
-                           f"that 80 % of such sweeps show (from {spreads.episodes} episodes)")
+    found = ", ".join(
+        f"{f'{apart:.2g}{unit}' if np.isfinite(apart) else 'nothing'} on {objects_told}"
+        for apart, objects_told in ((these, "these objects"), (like, "objects like these")))
+    return "tells_apart", (f"{found}: differences of {metric} that 80 % of such sweeps show (from "
+                           f"{spreads.episodes} episodes)")

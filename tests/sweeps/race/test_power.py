@@ -15,12 +15,13 @@ from sweeps.run.unit_file import Columns
 from sweeps.spec.cell import Cell
 
 
-@pytest.mark.parametrize(("over", "between", "entries"), [
-    ("these", 0.0, 2), ("like-these", 1.5, 2), ("these", 0.0, 8), ("like-these", 1.5, 8)])
+@pytest.mark.parametrize(("over", "between", "entries", "episodes"), [
+    ("these", 0.0, 2, 16), ("like-these", 1.5, 2, 16), ("these", 0.0, 8, 16),
+    ("like-these", 1.5, 8, 16), ("these", 0.0, 2, 2), ("these", 0.0, 8, 3)])
 def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between: float,
-                                                             entries: int) -> None:
+                                                             entries: int, episodes: int) -> None:
     """Leaderboards with that difference between two of their entries, drawn 400 times."""
-    objects, episodes, own = 6, 16, 3.0
+    objects, own = 6, 3.0
     spreads = Spreads(np.full((1, objects), own**2), np.full(1, between**2), 8)
     apart = told_apart(spreads, entries, objects, episodes)[0 if over == "these" else 1]
     rng, shown = np.random.default_rng(1), 0
@@ -33,6 +34,13 @@ def test_the_difference_told_is_shown_by_four_sweeps_in_five(over: str, between:
         found = board.differences(0, over)
         shown += found.low[1] > 0
     assert shown / 400 == pytest.approx(0.8, abs=0.06)
+
+
+def test_one_episode_of_each_object_tells_nothing_of_these_objects() -> None:
+    spreads = Spreads(np.ones((1, 6)), np.ones(1), 8)
+    these, like = told_apart(spreads, 2, 6, 1)
+    assert np.isnan(these)
+    assert np.isfinite(like)
 
 
 def test_an_object_without_scores_tells_nothing(tmp_path: Path) -> None:
