@@ -10,7 +10,7 @@ import json
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, fields
 from functools import cache
-from itertools import groupby
+from itertools import groupby, zip_longest
 from operator import itemgetter
 from pathlib import Path
 from typing import Any
@@ -307,7 +307,7 @@ def differences(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     before, after = dict(_leaves(by_key(old))), dict(_leaves(by_key(new)))
     if before == after:  # the same values, in another kind of sweep
         before, after = dict(_leaves(old)), dict(_leaves(new))
-    return [f"{key}: {_cut(before.get(key, 'absent'))} -> {_cut(after.get(key, 'absent'))}"
+    return [f"{key}: {' -> '.join(_cut(before.get(key, 'absent'), after.get(key, 'absent')))}"
             for key in sorted(before | after) if before.get(key) != after.get(key)]
 
 
@@ -318,7 +318,17 @@ def by_key(resolved: Mapping[str, Any]) -> dict[str, Any]:
     return {name: value for name, value in resolved.items() if name != "sweep"} | swept
 
 
-def _cut(text: str) -> str:
+def _cut(old: str, new: str) -> tuple[str, str]:
+    """Two texts that differ, cut at their ends; where they would look alike, at their beginnings,
+    too, so that what differs is seen."""
+    if old[:WIDEST - 3] == new[:WIDEST - 3]:
+        alike = next(n for n, (a, b) in enumerate(zip_longest(old, new)) if a != b)
+        start = max(alike - WIDEST // 2, 0)
+        old, new = f"...{old[start:]}", f"...{new[start:]}"
+    return _shortened(old), _shortened(new)
+
+
+def _shortened(text: str) -> str:
     return text if len(text) <= WIDEST else f"{text[:WIDEST - 3]}..."
 
 

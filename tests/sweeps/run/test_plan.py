@@ -145,6 +145,20 @@ def test_a_changed_sweep_is_told_by_its_keys(tmp_path: Path) -> None:
     assert differences(zipped, apart)  # the same values, in other settings
 
 
+def test_long_values_are_cut_where_they_differ(tmp_path: Path) -> None:
+    """Their beginnings alone are alike."""
+    def swept(last: int) -> dict[str, object]:
+        values = [*range(1, 60), last]
+        return dict(plan_of(tmp_path, SMALL + (
+            f'[sweep.grid]\n"sensors.tendon_threshold_N" = {values}\n')).resolved)
+
+    line, = differences(swept(70), swept(80))
+    before, after = line.partition(": ")[2].split(" -> ")
+    assert before.startswith("...")
+    assert before.endswith(" 59, 70]")
+    assert after == before.replace("70]", "80]")
+
+
 def test_other_studies_do_not_extend_and_differences_are_told(tmp_path: Path) -> None:
     before = plan_of(tmp_path, SMALL)
     for old, new, line in [
