@@ -16,6 +16,8 @@ RESULTS = ("leaderboard.csv", "race.csv", "race.svg", "search.csv", "sensitivity
 """What the command that works on a study writes there at its end."""
 OWN_FILES = ("spec.toml", "resolved.json", "environment.json", "sensitivity.toml", *RESULTS)
 OWN_FOLDERS = ("units", "contacts", "logs", "inputs")
+OTHER_FORMATS = (".json", ".parquet", ".xlsx", ".html", ".md", ".svg", ".png", ".pdf")
+"""Endings of files that would not be read as CSV."""
 _MOMENT_S = 0.2
 _DENIED = os.strerror(errno.EACCES)
 
@@ -86,6 +88,13 @@ def check_result(path: Path | None, own: str = "") -> None:
     """Raises StoreError for a file that cannot be written, see `why_unwritable`; None is none."""
     if path is not None and (why := why_unwritable(path, own)):
         raise StoreError(why)
+
+
+def check_table(path: Path | None, own: str = "") -> None:
+    """`check_result` of a table, which is CSV: the name of a file may not say otherwise."""
+    check_result(path, own)
+    if path is not None and path.suffix.lower() in OTHER_FORMATS:
+        raise StoreError(f"{path}: would be CSV; should end in .csv (--json prints JSON)")
 
 
 def write_result(path: Path, content: bytes, own: str = "") -> None:

@@ -19,7 +19,7 @@ from sweeps.analysis.pairs import pairs_table
 from sweeps.analysis.pareto import columns_of, pareto_table
 from sweeps.analysis.settings import read_settings, settings_table
 from sweeps.output import note
-from sweeps.result_file import check_result, write_result
+from sweeps.result_file import check_table, write_result
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
 from sweeps.run.store import Store, damaged_notes
@@ -71,7 +71,7 @@ def table(folders: Sequence[Path], kind: str, out: Path | None, *, metric: str,
           against: str | None, over: str | None, as_json: bool) -> int:
     """Prints one of the tables, and writes it as CSV."""
     check_metric(metric)
-    check_result(out)
+    check_table(out)
     plan, stores = open_sweep(folders)
     made = KINDS[kind][0](Asked(plan, stores, metric, against, over))
     if out is not None:

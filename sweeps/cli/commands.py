@@ -14,7 +14,7 @@ from sweeps.analysis.leaderboard import Leaderboard, make_leaderboard
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
 from sweeps.race.race_note import end_race_note, race_state
-from sweeps.result_file import check_result, write_result
+from sweeps.result_file import check_table, write_result
 from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -199,7 +199,7 @@ def leaderboard(folders: Sequence[Path], out: Path | None, *, metric: str,
 
     `over` chooses the interval that is printed; the file has both.
     """
-    check_result(out, RANKED)
+    check_table(out, RANKED)
     plan, stores = open_sweep(folders)
     names = [name.strip() for name in by.split(",")] if by is not None else None
     board = make_leaderboard(plan, stores, metric, names)

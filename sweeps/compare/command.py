@@ -9,7 +9,7 @@ from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
 from sweeps.output import note
-from sweeps.result_file import check_result, write_result
+from sweeps.result_file import check_table, write_result
 from sweeps.run.plan import Plan, plan_study
 from sweeps.run.race_record import refuse_races
 from sweeps.run.store import Store, open_study
@@ -32,7 +32,7 @@ def compare(one: Path, other: Path, out: Path | None, *, metric: str | None, ove
     """
     if metric is not None:
         check_metric(metric)
-    check_result(out)
+    check_table(out)
     sides = [_read(path) for path in (one, other)]
     (plan, mine), (later, theirs) = sides
     changed = changes(plan, later)

@@ -30,6 +30,16 @@ def content(folder: Path) -> dict[str, bytes]:
             for file in folder.rglob("*") if file.is_file()}
 
 
+@pytest.mark.parametrize("words", ["leaderboard STUDY", "table STUDY pairs", "compare STUDY STUDY"])
+def test_a_table_s_file_does_not_end_as_another_format(
+        words: str, study: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    given = [word.replace("STUDY", str(study)) for word in words.split()]
+    file = tmp_path / "board.json"
+    assert cli.run([*given, "-o", str(file)]) == 2
+    assert f"{file}: would be CSV; should end in .csv" in capsys.readouterr().err
+    assert not file.exists()
+
+
 @pytest.mark.parametrize(("words", "file"), [
     ("leaderboard STUDY -o FILE", "spec.toml"), ("leaderboard STUDY -o FILE", "resolved.json"),
     ("leaderboard STUDY -o FILE", "environment.json"), ("leaderboard STUDY -o FILE", "race.csv"),
