@@ -151,7 +151,7 @@ def draw_settings(plan: Plan, paired: Paired, metric: str) -> "Figure":
     rows = [[effect for effect in found if effect.factor == factor] for factor in factors]
     tables = [np.array([effect.value for effect in row]) for row in rows]
     around = [np.array([[mean[effect.strategy]] for effect in row]) for row in rows]
-    largest = max(1e-9, *(np.nanmax(np.abs(table - middle))
+    largest = max(1e-9, *(np.nanmax(np.abs(table - middle), initial=0.0)
                           for table, middle in zip(tables, around, strict=True)))
     digits = 1 if largest >= 1 else 2
     rows_named = [cut_apart([effect.strategy for effect in row], 22) for row in rows]

@@ -115,6 +115,11 @@ def test_a_heat_map_of_settings(swept: tuple[Plan, Store]) -> None:
     assert drawn.axes[-1].get_ylabel().endswith("mean;\nless is better")
 
 
+def test_a_heat_map_of_a_score_that_no_episode_has_is_drawn(swept: tuple[Plan, Store]) -> None:
+    drawn = KINDS["settings"](Asked(swept[0], [swept[1]], "fit_rms_mm"))
+    assert "NA" in {text for text, _ in texts(drawn)}
+
+
 def test_levels_stand_at_their_numbers_with_the_table_s_intervals(tmp_path: Path) -> None:
     plan, store = wide_study(tmp_path, wide_text(2, 3, 4, """
 [sweep.grid]
