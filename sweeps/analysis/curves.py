@@ -280,7 +280,8 @@ def reach(curves: Curves, axis: str, entry: int, bound_mm: float) -> Reach:
         medians[rows] = np.where(gone[:, -1] > 0, pooled[order][half], np.nan)
     drawn = medians[1:][~np.isnan(medians[1:])]
     low, high = np.quantile(drawn, INTERVAL, method="inverted_cdf")
-    if (curves.draws < FEW) if curves.over == "these" else len(at) < 2:
+    no_scale = medians[0] == 0.0  # as of who touches nothing
+    if (curves.draws < FEW) if curves.over == "these" else len(at) < 2 or no_scale:
         low = high = np.nan
     elif curves.over == "like-these" and np.isfinite(medians[0]):  # skewed: on a log scale
         low, high = (medians[0] * (end / medians[0]) ** widening(len(at)) for end in (low, high))

@@ -278,6 +278,15 @@ def test_one_object_says_nothing_of_reach_on_others() -> None:
     assert np.isnan([found.low, found.high]).all()
 
 
+def test_who_is_near_without_a_touch_has_no_interval_on_a_log_scale() -> None:
+    """Nor a warning of NumPy: what was given is within the bound, and nothing is touched."""
+    curves = curves_over("like-these", 8, 8)
+    none = [[[(np.zeros(1), np.array([4.0]))] * 8]] * 2
+    found = reach(replace(curves, steps={"touches": none}), "touches", 0, 5.0)
+    assert (found.share, found.median) == (1.0, 0.0)
+    assert np.isnan([found.low, found.high]).all()
+
+
 @pytest.mark.parametrize(("counts", "known"), [
     ((5,), False), ((6,), True), ((3, 3), False), ((3, 4), True), ((2, 2, 3), False),
     ((2, 3, 3), True)])
