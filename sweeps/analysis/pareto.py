@@ -13,7 +13,15 @@ import numpy as np
 
 from strategies.ready_made import REFERENCE
 from sweeps.analysis.bootstrap import Estimate
-from sweeps.analysis.entries import ROUNDING, bounds_of, digits_of, prior_column, sign_of
+from sweeps.analysis.entries import (
+    METRICS,
+    ROUNDING,
+    LeaderboardError,
+    bounds_of,
+    digits_of,
+    prior_column,
+    sign_of,
+)
 from sweeps.analysis.interval import ObjectMeans, sensible_ends
 from sweeps.analysis.paired import Paired
 from sweeps.text_table import TextTable, number_text
@@ -41,7 +49,11 @@ class Pareto:
 
 
 def columns_of(metric: str) -> list[str]:
-    """The columns that a front needs of a study's rows, `metric` first."""
+    """The columns that a front needs of a study's rows, `metric` first. Raises LeaderboardError for
+    the time itself."""
+    if metric == COST:
+        raise LeaderboardError(f"--metric: is {COST}, which pareto compares the metric with; "
+                               f"should be another one, such as {METRICS[0]}")
     return list(filter(None, [metric, COST, FAILED, prior_column(metric)]))
 
 

@@ -98,6 +98,13 @@ def pareto_of(folder: Path, objects: int, rows: Callable[[Unit], Columns]
     return {row["strategy"]: row for row in table_rows(made)}, list(made.notes)
 
 
+def test_a_front_of_robot_time_against_itself_is_refused(tmp_path: Path) -> None:
+    """Its columns had one name twice, and records of JSON lost one of each."""
+    plan, store = written(tmp_path, 1, far_apart)
+    with pytest.raises(LeaderboardError, match="--metric: is robot_time_s, which pareto compares"):
+        KINDS["pareto"][0](Asked(plan, [store], "robot_time_s", None, None))
+
+
 def test_where_all_fail_they_would_take_the_time_of_other_objects_or_longer() -> None:
     done, failed = np.zeros(2, bool), np.ones(2, bool)
     times = [(np.array([10.0, 20.0]), done), (np.array([40.0, 60.0]), failed),
