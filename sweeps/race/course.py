@@ -19,7 +19,7 @@ from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
 from sweeps.spec.errors import StoreError
-from warpgrasp.core.plain_text import counted
+from warpgrasp.core.plain_text import counted, first_few
 
 
 @dataclass
@@ -46,11 +46,17 @@ class Course:
                 f"{2 * count * self.units.episodes_each:,} episodes")
 
     def further(self) -> Sequence[Unit]:
-        """Takes in the rung that has been run, and gives the units of the next."""
+        """Takes in the rung that has been run, and gives the units of the next. Raises
+        LeaderboardError where nothing has a score on an object: its cost would be made up."""
         if self.asked:
             found, unknown = self.units.scores(self.asked)
             if damaged := self.units.missing:
                 return self._once_more(damaged)
+            if lost := self.units.lost:
+                raise LeaderboardError(
+                    f"no entry has a {self.units.metric} on {first_few(lost)}, where all of them "
+                    "failed or nothing has one: nothing can race there; leave such objects out, or "
+                    f"race for another score ({self.units.store.logs} says which units failed)")
             look = self.race.take(self.asked, found, self.units.worst, unknown)
             note(self._line(look))
             self.looked()

@@ -68,6 +68,8 @@ class RaceUnits:
         self._cells: dict[tuple[int, int], list[tuple[Cell, str]]] = {}
         self.missing: list[Unit] = []
         """Units that the last call of `scores` found neither there nor failed: damaged ones."""
+        self.lost: list[str] = []
+        """Objects of that call on which no entry has a score by now, or was given one."""
         self._worst: dict[int, float] = {}  # by object: what an episode without a score counts as
         self.statuses: Counter[str] = Counter()
         """What became of the episodes that were read."""
@@ -120,6 +122,9 @@ class RaceUnits:
         for of_objects in raw:
             for body, values in of_objects.items():
                 self._note_worst(body, values)
+        read = {body for of_objects in raw for body in of_objects}
+        self.lost = [self.plan.study.objects[body].name for body in sorted(read - {*self._worst})
+                     if failure_score(self.metric) is None]
         known, shares = ([self._replicates(of_objects, what) for of_objects in raw] for what in (
             lambda values: np.where(np.isfinite(values), values, 0.0),
             lambda values: ~np.isfinite(values)))

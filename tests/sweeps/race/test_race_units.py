@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from studies import SMALL, plan_of
 
+from sweeps.analysis.entries import LeaderboardError
 from sweeps.race.course import Course, afforded, rules_of
 from sweeps.race.elimination import Look, Race, Rules
 from sweeps.race.race_units import RaceUnits
@@ -81,6 +82,20 @@ def test_a_replicate_is_the_mean_of_its_cases(tmp_path: Path) -> None:
     found, _ = units.scores([(0, 0, 8)])
     assert len(scores["block"]) == 4
     assert found[0] == pytest.approx(-np.array([*scores.values()]).mean(axis=1))
+
+
+def test_an_object_without_any_score_ends_a_race(tmp_path: Path) -> None:
+    """All counted as 0 mm there: the best of nothing was known at once, within half the margin."""
+    plan, store = plan_of(tmp_path, SMALL), Store(tmp_path)
+    store.open_for(plan, None, "cpu")
+    course = Course(Race(2, Rules(5.0)), RaceUnits(plan, store, "chamfer_mm", "these"))
+    for unit in course.further():
+        rows = run_units(fake_episodes.run_episodes, [unit], "cpu")[0]
+        if unit.cell.object_name == "wedge":
+            rows["chamfer_mm"][:] = np.nan
+        write_files(store.path(unit), unit.id, rows)
+    with pytest.raises(LeaderboardError, match="no entry has a chamfer_mm on wedge, where all of"):
+        course.further()
 
 
 class Told(Race):
