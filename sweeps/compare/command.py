@@ -1,10 +1,11 @@
 """`warpgrasp compare A B`: what changed in the specs, and paired differences of what is shared."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from sweeps.analysis.entries import check_metric, digits_of
+from sweeps.analysis.leaderboard import few_lines
 from sweeps.analysis.paired import MANY_OBJECTS, interval_note
 from sweeps.compare.matching import Shared, changes, shared_by
 from sweeps.compare.shift import Shift, measure_shift
@@ -145,7 +146,17 @@ def _notes(shared: Shared, shift: Shift, rows: int) -> list[str]:
     elif others := [match.label for match in shared.matches if not match.same_noise]:
         notes.append(f"the noise_stream differs: episodes of {', '.join(others[:8])}"
                      f"{', ...' if len(others) > 8 else ''} are not paired")
+    notes += few_lines([*_without_score(shared, shift)])
     if shift.missing:
         notes.append(f"{shift.missing} units are missing; blocks of episodes that not every "
                      "shared entry has are left out")
     return notes
+
+
+def _without_score(shared: Shared, shift: Shift) -> Iterator[str]:
+    """Entries of which episodes have no score: what changed may be how often they fail."""
+    for match, *counts in zip(shared.matches, *shift.unscored, strict=True):
+        told = [f"{count} of {side}" for count, side in zip(counts, "AB", strict=True) if count]
+        if told:
+            yield (f"{match.label}: episodes without a score count as the worst on their object: "
+                   f"{', '.join(told)}")

@@ -45,6 +45,8 @@ class Shift:
     """Of each study; where episodes are paired they are the same ones."""
     missing: int
     """Units of shared entries that are not finished in A or B."""
+    unscored: np.ndarray
+    """Rows without a score, which count as the worst, (study, entry)."""
 
 
 Sample = tuple[np.ndarray, np.ndarray, bool]
@@ -117,7 +119,7 @@ def measure_shift(one: Side, other: Side, shared: Shared, metric: str, over: str
     """
     found, missing = Differences(metric in CHANCES), 0
     means: list[tuple[np.ndarray, np.ndarray]] = []
-    episodes = np.zeros(2, int)
+    episodes, unscored = np.zeros(2, int), np.zeros((2, len(shared.matches)), int)
     paired = np.array([match.same_noise and shared.same_seed for match in shared.matches])
     for mine, theirs in zip(_objects(one, shared, metric, 0), _objects(other, shared, metric, 1),
                             strict=True):
@@ -131,15 +133,17 @@ def measure_shift(one: Side, other: Side, shared: Shared, metric: str, over: str
                   if paired.any() else [(-a, ~paired, False), (b, ~paired, False)])
         means.append((a.mean(axis=0), b.mean(axis=0)))
         episodes += len(a), len(b)
+        unscored += [_unscored(side, beside, metric, shared.same_seed)
+                     for side, beside in ((mine, theirs), (theirs, mine))]
     over = population(over, len(means))
     if not means:
         nothing = np.full(len(paired), np.nan)
         unknown = np.full(len(paired) + 1, np.nan)
         return Shift(nothing, nothing, Estimate(unknown, unknown, unknown), over, 0, (0, 0),
-                     missing)
+                     missing, unscored)
     first, second = (np.mean(side, axis=0) for side in zip(*means, strict=True))
     return Shift(first, second, found.estimate(over), over, len(means),
-                 (int(episodes[0]), int(episodes[1])), missing)
+                 (int(episodes[0]), int(episodes[1])), missing, unscored)
 
 
 def _objects(side: Side, shared: Shared, metric: str, which: int) -> Iterator[ObjectRows]:
@@ -150,6 +154,14 @@ def _objects(side: Side, shared: Shared, metric: str, which: int) -> Iterator[Ob
     entries = [(match.one, match.other)[which] for match in shared.matches]
     return read_objects(replace(plan, study=replace(plan.study, objects=objects)), stores, entries,
                         entry_axes(plan, None)[0], [metric])
+
+
+def _unscored(side: ObjectRows, beside: ObjectRows, metric: str, same_seed: bool) -> np.ndarray:
+    """How many of a study's rows have no value, (entry,): if the seed is the same, of the episodes
+    that the one beside it has, too."""
+    both = {*beside.episodes} if same_seed else {*side.episodes}
+    used = [number in both for number in side.episodes]
+    return (~np.isfinite(side.values[metric][used])).sum(axis=0)
 
 
 def _values(mine: ObjectRows, theirs: ObjectRows, metric: str, same_seed: bool

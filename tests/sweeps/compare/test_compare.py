@@ -116,6 +116,21 @@ def test_a_study_that_has_grown_is_compared_on_what_was_there(
     assert {row["b_minus_a"] for row in found["table"].values()} == {0.0}
 
 
+def test_episodes_without_a_score_are_told(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """That units failed is why an entry got worse; only the episodes that both have are counted."""
+    one, other = made(tmp_path / "a", SMALL.replace("cell = 70", "cell = 8")), tmp_path / "b"
+    plan = plan_of(other)
+    store = fill(other, plan)
+    for unit in plan.units():
+        if unit.cell.strategy.name == "mine":
+            store.path(unit).unlink()
+            store.log(unit).write_text("it broke")
+    notes = [note for note in compared(capsys, one, other)["notes"] if "without a score" in note]
+    assert notes[-1] == ("mine: episodes without a score count as the worst on their object: "
+                         "1 of A, 16 of B")
+
+
 def test_blocks_that_are_missing_are_left_out_and_told(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one, other = made(tmp_path / "a"), tmp_path / "b"
