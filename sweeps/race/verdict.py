@@ -119,7 +119,7 @@ def claim(found: Verdict) -> str:
     cut = (f", scores cut at {amount(cap, found.metric)}"
            if 0 < cap < bounds_of(found.metric)[1] else "")
     return (f"within {amount(found.within, found.metric)} of the best of {len(found.labels):,} on "
-            f"{where} {many}, {100 * found.rules.confidence:g} %{cut}")
+            f"{where} {many}, {100 * found.rules.confidence:.10g} %{cut}")
 
 
 def summary(found: Verdict) -> dict[str, str]:

@@ -92,6 +92,14 @@ def test_one_rung_is_one() -> None:
     assert margin in summary(found)["equal"]  # also where a budget supports less
 
 
+@pytest.mark.parametrize(("percent", "told"), [(57.0, "57 %"), (99.9, "99.9 %"),
+                                               (99.99999, "99.99999 %")])
+def test_a_claim_is_not_more_certain_than_what_was_asked_for(percent: float, told: str) -> None:
+    """99.99999 was told as 100."""
+    found = replace(verdict(2, Rules(9.0)), rules=Rules(9.0, percent / 100.0))
+    assert claim(found).endswith(f" 6 objects, {told}")
+
+
 @pytest.mark.parametrize(("metric", "mean", "room"), [("chamfer_mm", 4.0, 4.0), ("iou", -0.6, 0.4)])
 def test_no_mean_can_be_better_than_all_that_can_be(metric: str, mean: float, room: float) -> None:
     """The mean of a share has its sign turned: less is better."""
