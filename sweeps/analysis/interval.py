@@ -28,7 +28,7 @@ LEVEL = 0.95
 _SKEWNESS = 0.8
 """Of objects' means, on a log scale where they are positive, and of their differences [est]:
 between strategies and sets of objects it varies from 0 to 2."""
-_NOTHING_KNOWN = 100.0
+NOTHING_KNOWN = 100.0
 """An interval that reaches so many times as far as a positive mean says nothing."""
 _BATCH = 100
 _AT_ONCE = 20_000  # pairs: what is worked on stays in the processor's cache
@@ -191,7 +191,7 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
 def sensible_ends(found: Estimate) -> Estimate:
     """The estimate as a table shows it: without ends where they are beyond all reason, such as
     kilometres for a mean of millimetres."""
-    senseless = (found.high > 1.0) & (found.high > _NOTHING_KNOWN * found.value)
+    senseless = (found.high > 1.0) & (found.high > NOTHING_KNOWN * found.value)
     return Estimate(found.value, *(np.where(senseless, np.nan, end)
                                    for end in (found.low, found.high)))
 

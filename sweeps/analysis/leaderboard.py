@@ -44,7 +44,7 @@ from sweeps.analysis.entries import (
     references_of,
     sign_of,
 )
-from sweeps.analysis.interval import ObjectMeans, sensible_ends
+from sweeps.analysis.interval import NOTHING_KNOWN, ObjectMeans, sensible_ends
 from sweeps.analysis.paired import (
     MANY_OBJECTS,
     NO_OBJECTS,
@@ -296,7 +296,8 @@ class _Ranking:
                 value = beside.means.values("these").value
                 low, high = sorted((self.sign * apart.low[n], self.sign * apart.high[n]))
                 sure = ("" if worse[n] == "yes" else ": in the mean, which may be chance")
-                by = f", by {low:.2f} to {high:.2f} on these objects" if np.isfinite(low) else ""
+                says = high - low <= NOTHING_KNOWN * value[n]  # not NaN, nor beyond all reason
+                by = f", by {low:.2f} to {high:.2f} on these objects" if says else ""
                 lines.append((-float(self.sign * apart.value[n]), (
                     f"{self.entries[n].label} is worse than {reference.label}, {value[n]:.2f} "
                     f"against {value[beside.entries + number]:.2f}{by}{sure}")))

@@ -7,6 +7,7 @@ from pathlib import Path
 import fake_episodes
 import numpy as np
 import pytest
+from curved_episodes import wide_text
 from studies import SMALL, board, fill, plan_of, run_in
 
 from sweeps.analysis.entries import Reference
@@ -79,6 +80,20 @@ def test_an_entry_that_is_worse_than_doing_nothing_is_flagged(tmp_path: Path) ->
     # more is better: the same flags
     by_iou = rows_of(make_leaderboard(plan, [fill(tmp_path, plan, SAME)], metric="iou").csv())
     assert {row["strategy"]: row["worse_than_prior"] for row in by_iou}["worst-of-all"] == "yes"
+
+
+def test_a_note_gives_no_range_that_says_nothing(tmp_path: Path) -> None:
+    """Of twelve entries with two episodes of one object it was thousands of millimetres."""
+    @fake_episodes.cell_by_cell
+    def apart(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
+        return told(cell, episodes) | {
+            "chamfer_mm": 20.0 + 10.0 * (-1.0) ** episodes * len(cell.strategy.name)}
+
+    plan = plan_of(tmp_path, wide_text(12, 1, 2))
+    made = make_leaderboard(plan, [fill(tmp_path, plan, apart)])
+    lines = [line for line in made.notes if "worse than given-prior" in line]
+    assert lines
+    assert not any(" on these objects" in line for line in lines)
 
 
 def test_rounding_makes_no_entry_worse_than_its_prior(tmp_path: Path) -> None:
