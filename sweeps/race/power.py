@@ -16,7 +16,13 @@ from pathlib import Path
 
 import numpy as np
 
-from sweeps.analysis.entries import LeaderboardError, check_metric, entries_of, entry_axes
+from sweeps.analysis.entries import (
+    CHANCES,
+    LeaderboardError,
+    check_metric,
+    entries_of,
+    entry_axes,
+)
 from sweeps.analysis.interval import critical_difference, small_sample_widening
 from sweeps.analysis.paired import read_paired
 from sweeps.run.plan import Plan
@@ -25,6 +31,8 @@ from sweeps.run.race_record import open_sweep
 POWER = 0.8
 """The share of sweeps that show a difference."""
 MOST_PAIRS = 2000
+_ROUNDS = 30
+"""After which a difference of shares and the variance that it implies agree."""
 
 
 @dataclass(frozen=True)
@@ -38,6 +46,8 @@ class Spreads:
     one object."""
     episodes: int
     """Of the pilot, of each object."""
+    chances: bool = False
+    """Whether values are 0 or 1, and may all agree by chance."""
 
 
 def pilot_spreads(folder: Path, metric: str) -> Spreads:
@@ -57,26 +67,50 @@ def pilot_spreads(folder: Path, metric: str) -> Spreads:
     own = np.array([1.0 / len(v) for v in values])
     between = (means.var(axis=1, ddof=1) - (within * own).mean(axis=1) if len(values) > 1
                else np.full(len(pairs), np.nan))
-    return Spreads(within, np.maximum(between, 0.0), min(len(v) for v in values))
+    return Spreads(within, np.maximum(between, 0.0), min(len(v) for v in values),
+                   metric in CHANCES)
 
 
 def told_apart(spreads: Spreads, entries: int, objects: int, episodes: int
                ) -> tuple[float, float]:
     """The difference that the median pair shows in 80 % of sweeps of this size: of these objects
     (NaN for one episode of each), and of objects like these (NaN for one object)."""
-    within = spreads.within.mean(axis=1)
-    shown = np.full(len(within), np.nan)
-    if episodes > 1:
-        own = episodes - 1.0  # degrees of freedom of an object's variance
-        freedom = np.full(len(within), own * (objects * own + 2.0) / (own + 2.0))
-        shown = (_shown(freedom, critical_difference(entries, freedom))
-                 * np.sqrt(within / episodes / objects))
+    of_these = of_like = within = spreads.within.mean(axis=1)
+    size = entries, objects, episodes
+    for _ in range(_ROUNDS if spreads.chances else 0):
+        of_these, of_like = (np.maximum(within, _least_variance(apart, episodes)) for apart in (
+            _these(of_these, *size), _like_these(of_like, spreads.between, *size)))
+    found = _these(of_these, *size), _like_these(of_like, spreads.between, *size)
+    if spreads.chances:  # no share differs by more than 1
+        found = tuple(np.where(apart <= 1.0, apart, np.inf) for apart in found)
+    return float(np.median(found[0])), float(np.median(found[1]))
+
+
+def _these(within: np.ndarray, entries: int, objects: int, episodes: int) -> np.ndarray:
+    """What each pair shows of these objects, (pair,)."""
+    if episodes < 2:
+        return np.full(len(within), np.nan)
+    own = episodes - 1.0  # degrees of freedom of an object's variance
+    freedom = np.full(len(within), own * (objects * own + 2.0) / (own + 2.0))
+    return (_shown(freedom, critical_difference(entries, freedom))
+            * np.sqrt(within / episodes / objects))
+
+
+def _like_these(within: np.ndarray, between: np.ndarray, entries: int, objects: int, episodes: int
+                ) -> np.ndarray:
+    """What each pair shows of objects like these, (pair,)."""
     if objects < 2:
-        return float(np.median(shown)), float("nan")
-    like = np.sqrt((spreads.between + within / episodes) / objects)
-    freedom = np.full(len(like), objects - 1.0)
+        return np.full(len(within), np.nan)
+    freedom = np.full(len(within), objects - 1.0)
     wide = critical_difference(entries, freedom) * small_sample_widening(objects)
-    return float(np.median(shown)), float(np.median(_shown(freedom, wide) * like))
+    return _shown(freedom, wide) * np.sqrt((between + within / episodes) / objects)
+
+
+def _least_variance(apart: np.ndarray, episodes: int) -> np.ndarray:
+    """Of outcomes' differences whose mean is `apart`, with two more episodes, as a leaderboard has
+    it: a pilot in which all outcomes agree would tell the least difference."""
+    count = episodes * np.clip(np.nan_to_num(apart, nan=1.0), 0.0, 1.0)
+    return (count + 1.0) / (episodes + 2.0) - (count / (episodes + 2.0)) ** 2
 
 
 def _shown(freedom: np.ndarray, critical: np.ndarray) -> np.ndarray:

@@ -43,6 +43,23 @@ def test_one_episode_of_each_object_tells_nothing_of_these_objects() -> None:
     assert np.isfinite(like)
 
 
+def test_outcomes_that_all_agree_in_a_pilot_do_not_tell_the_least_difference() -> None:
+    """0 was told. One entry is always right, as both were there, and the other misses that often.
+    """
+    objects, episodes = 6, 8
+    spreads = Spreads(np.zeros((1, objects)), np.zeros(1), 2, chances=True)
+    apart, like = told_apart(spreads, 2, objects, episodes)
+    assert 0.0 < like < 1.0
+    rng, shown = np.random.default_rng(1), 0
+    for _ in range(400):
+        board = ObjectMeans(2, 0, chances=True)
+        for _ in range(objects):
+            board.add((rng.random((episodes, 2)) >= [0.0, apart]).astype(float))
+        shown += board.differences(0, "these").high[1] < 0
+    assert 0.75 < shown / 400 < 0.95
+    assert not np.isfinite(told_apart(spreads, 8, 2, 2)).any()  # more than any shares differ by
+
+
 def test_an_object_without_scores_tells_nothing(tmp_path: Path) -> None:
     """The spread is of the others; it was printed as nan."""
     def without_block(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
