@@ -104,11 +104,18 @@ def rules_of(within: float, confidence: float, start: int, cap: float | None, me
 
     What is right or wrong has safe bounds always: entries that were right eight times are no proof
     that they never differ, as a standard error of zero would have it. Raises LeaderboardError where
-    no difference can be larger than `within`.
+    no difference can be larger than `within`, or for a cap that says nothing.
     """
+    highest = bounds_of(metric)[1]
+    if cap is not None and cap > highest:
+        raise LeaderboardError(f"--cap: is {cap:g}; should be at most {highest:g}, the largest "
+                               f"{metric} that there can be")
     if metric == "recognized":
-        cap = 1.0
-    most = bounds_of(metric)[1] if cap is None else cap
+        if cap not in (None, highest):
+            raise LeaderboardError(f"--cap: is {cap:g}; should be left out: {metric} always has a "
+                                   f"cap of {highest:g}")
+        cap = highest
+    most = highest if cap is None else cap
     if within >= most:
         raise LeaderboardError(f"--within: is {within:g}; should be below {most:g}, the largest "
                                f"difference in {metric} that there can be")

@@ -62,6 +62,16 @@ def test_bounds_are_of_scores_of_which_less_is_better(
     assert rules_of(0.1, 95.0, 8, cap, metric).bounds == bounds
 
 
+@pytest.mark.parametrize(("metric", "cap", "message"), [
+    ("iou", 3.0, "--cap: is 3; should be at most 1, the largest iou"),
+    ("recognized", 0.5, "--cap: is 0.5; should be left out: recognized always has")])
+def test_a_cap_above_all_scores_or_in_vain_is_refused(metric: str, cap: float, message: str
+                                                      ) -> None:
+    """With it a margin of 2 was accepted for a share, and one of `recognized` was ignored."""
+    with pytest.raises(LeaderboardError, match=message):
+        rules_of(2.0, 95.0, 8, cap, metric)
+
+
 def test_a_budget_of_episodes_is_one_of_whole_replicates(tmp_path: Path) -> None:
     """Of four cases on two objects each."""
     text = SMALL + '[sweep.sobol]\nn = 4\n"object.yaw_deg" = { low = 0, high = 90 }\n'
