@@ -23,6 +23,7 @@ from sweeps.analysis.interval import ObjectMeans
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
+from warpgrasp.core.plain_text import first_few
 
 FEW_EPISODES = 48  # of all objects, below which skewed scores make their interval too short
 MANY_OBJECTS = 6  # below, the spread between objects is hardly known
@@ -153,11 +154,13 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     metrics = tuple(dict.fromkeys(metrics))  # one may be a column of a table besides
     values: dict[str, list[np.ndarray]] = {name: [] for name in metrics}
     objects: list[str] = []
-    missing = 0
+    missing, unscored = 0, np.zeros(len(entries), int)
     for found in read_objects(plan, stores, entries, axes, metrics):
         missing += found.missing
         if not found.episodes:
             continue
+        if np.isfinite(found.values[metrics[0]]).any():  # else the object is lost, and named
+            unscored += (~np.isfinite(found.values[metrics[0]])).sum(axis=0)
         objects.append(found.name)
         for name in metrics:
             ranked = name == metrics[0] or name not in COSTS
@@ -175,6 +178,7 @@ def read_paired(plan: Plan, stores: Sequence[Store], metrics: Sequence[str],
     return Paired(tuple(entries), tuple(objects),
                   {name: tuple(found) for name, found in values.items()}, means,
                   (*reading_notes(plan, missing, count), *lost_notes(lost, metrics[0]),
+                   *unscored_note([entry.label for entry in entries], unscored, metrics[0]),
                    *few_episodes_note(count, sum(map(len, known[metrics[0]]))),
                    interval_note(over)), over)
 
@@ -204,6 +208,16 @@ def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:
     for name in objects:
         yield (f"no entry has a {metric} on {name}, where all of them failed or nothing has one; "
                f"means and intervals of {metric} leave it out")
+
+
+def unscored_note(labels: Sequence[str], unscored: np.ndarray, metric: str) -> Iterator[str]:
+    """How many rows of each entry, (entry,), have no value, those with the most first: a difference
+    may be one of how often entries fail."""
+    told = [f"{unscored[n]} of {labels[n]}" for n in np.argsort(-unscored, kind="stable")
+            if unscored[n]]
+    if told:
+        yield (f"episodes without a {metric} count as the worst on their object: "
+               f"{first_few(told)}")
 
 
 def interval_note(over: str) -> str:

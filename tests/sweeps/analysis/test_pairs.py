@@ -215,3 +215,16 @@ def test_the_worth_of_common_random_numbers_is_their_covariance() -> None:
     assert variance_ratio([first], [-first]) == pytest.approx(2.0)
     assert variance_ratio([first], [first]) == 0.0
     assert np.isnan(variance_ratio([np.ones(5)], [np.ones(5)]))
+
+
+def test_episodes_without_a_score_are_told(tmp_path: Path) -> None:
+    """Units of one entry failed: that is what its differences are of."""
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 4))
+    for unit in plan.units():
+        if unit.cell.strategy.name == "sx":
+            store.path(unit).unlink()
+            store.log(unit).write_text("it broke")
+    notes = pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm").notes
+    told, = (note for note in notes if "without a chamfer_mm" in note)
+    assert told.startswith("episodes without a chamfer_mm count as the worst on their object: "
+                           "8 of sx")
