@@ -12,7 +12,12 @@ from typing import Any
 
 from sweeps.output import extra_hint, write_atomic
 from sweeps.run.changed_files import ChangedFilesError
-from sweeps.run.local_engine import Options, as_a_worker, disk_error
+from sweeps.run.local_engine import (
+    Options,
+    as_a_worker,
+    disk_error,
+    terminated_as_interrupted,
+)
 from sweeps.run.plan import Plan, Unit
 from sweeps.run.progress import Progress
 from sweeps.run.scheduler import Outcome, UnitQueue
@@ -56,7 +61,8 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
     try:
         work = UnitQueue(plan, store, options.shard, progress, options.verify,
                          options.unit_timeout_s, further)
-        _go(ray, work, options)
+        with terminated_as_interrupted():  # Ray has put a handler of its own in the place of ours
+            _go(ray, work, options)
         work.count_files()
         return work.outcome
     finally:

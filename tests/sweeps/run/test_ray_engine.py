@@ -1,6 +1,10 @@
 """The Ray engine against the local one; needs the optional extra."""
 
+import os
+import signal
+import sys
 from collections.abc import Iterator
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any
 
@@ -46,6 +50,30 @@ def test_units_that_raise_are_set_aside(tmp_path: Path, monkeypatch: pytest.Monk
     text = SMALL.replace('"wedge"', '"lightbulb"').replace("= 70\no", "= 3\no")
     outcome = run_on(tmp_path, plan_of(tmp_path / "spec", text), None, "deadly_episodes")
     assert outcome == Outcome(kept=0, done=2, failed=2)
+
+
+class Terminates(Progress):
+    """Sends this process SIGTERM when the first unit is done, as a batch system does."""
+
+    def done(self, episodes: int) -> None:
+        super().done(episodes)
+        os.kill(os.getpid(), signal.SIGTERM)
+
+
+def be_terminated(folder: Path) -> None:
+    plan = plan_of(folder / "spec")
+    try:
+        run_on(folder, plan, None, progress=Terminates(plan.unit_count, quiet=True))
+    except KeyboardInterrupt:
+        sys.exit(130)
+
+
+def test_sigterm_ends_a_run_as_an_interrupt_does(tmp_path: Path) -> None:
+    process = get_context("spawn").Process(target=be_terminated, args=(tmp_path,))
+    process.start()
+    process.join(60)
+    assert process.exitcode == 130
+    assert not list((tmp_path / "units").glob(".*"))  # nothing is left half written
 
 
 class KillsANode(Progress):
