@@ -55,7 +55,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
     """
     ray = _ray()
     with as_a_worker():  # the nodes that it starts here, and their workers, inherit it
-        ray.init(address=address, num_cpus=None if address else options.workers,
+        ray.init(address=address or "local", num_cpus=None if address else options.workers,
                  include_dashboard=False, configure_logging=False, log_to_driver=False,
                  runtime_env={"env_vars": ENVIRONMENT})
     try:

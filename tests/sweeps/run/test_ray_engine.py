@@ -107,3 +107,10 @@ def test_a_lost_node_changes_nothing(tmp_path: Path, cluster: Any) -> None:
     assert progress.node is None
     assert outcome == Outcome(kept=0, done=40, failed=0)
     assert contents(tmp_path / "ray") == contents(tmp_path / "local")
+
+
+def test_without_an_address_it_runs_here_where_a_cluster_runs(tmp_path: Path, cluster: Any,
+                                                              monkeypatch: pytest.MonkeyPatch
+                                                              ) -> None:
+    monkeypatch.setenv("RAY_ADDRESS", cluster.address)
+    assert run_on(tmp_path, plan_of(tmp_path / "spec"), None).done == 8
