@@ -25,7 +25,8 @@ from sweeps.run.store import Store
 from sweeps.run.unit_file import encode_files
 from sweeps.run.worker import ENVIRONMENT, find_function, run_units
 from sweeps.spec.cell import own_code
-from sweeps.spec.errors import StoreError
+from sweeps.spec.errors import StoreError, short
+from warpgrasp.core.plain_text import on_one_line
 
 LOST_TASK_RETRIES = 4  # a node that goes away is no fault of the unit
 AHEAD = 2  # tasks in hand for each core
@@ -54,10 +55,7 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
     The caller holds the shard's lock. `further` is that of the local engine.
     """
     ray = _ray()
-    with as_a_worker():  # the nodes that it starts here, and their workers, inherit it
-        ray.init(address=address or "local", num_cpus=None if address else options.workers,
-                 include_dashboard=False, configure_logging=False, log_to_driver=False,
-                 runtime_env={"env_vars": ENVIRONMENT})
+    _connect(ray, address, options.workers)
     try:
         work = UnitQueue(plan, store, options.shard, progress, options.verify,
                          options.unit_timeout_s, further)
@@ -67,6 +65,24 @@ def run_on_ray(plan: Plan, store: Store, options: Options, progress: Progress,
         return work.outcome
     finally:
         ray.shutdown()
+
+
+def _connect(ray: Any, address: str | None, workers: int) -> None:
+    """Joins the cluster at an address; without one, starts one here, whatever others run here.
+
+    Raises StoreError where there is none at the address, or its form is none.
+    """
+    try:
+        with as_a_worker():  # the nodes that it starts here, and their workers, inherit it
+            ray.init(address=address or "local", num_cpus=None if address else workers,
+                     include_dashboard=False, configure_logging=False, log_to_driver=False,
+                     runtime_env={"env_vars": ENVIRONMENT})
+    except (ConnectionError, ValueError) as error:
+        if address is None:
+            raise
+        raise StoreError(f"--address: is {short(address)}; should be that of a running cluster, as "
+                         "`ray start --head` prints it, or auto on a machine of it: "
+                         f"{on_one_line(str(error))}") from None
 
 
 def _go(ray: Any, work: UnitQueue, options: Options) -> None:

@@ -18,6 +18,7 @@ from sweeps.run.progress import Progress
 from sweeps.run.ray_engine import run_on_ray
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store
+from sweeps.spec.errors import StoreError
 
 pytest.importorskip("ray")
 pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # Ray's own warnings
@@ -114,3 +115,8 @@ def test_without_an_address_it_runs_here_where_a_cluster_runs(tmp_path: Path, cl
                                                               ) -> None:
     monkeypatch.setenv("RAY_ADDRESS", cluster.address)
     assert run_on(tmp_path, plan_of(tmp_path / "spec"), None).done == 8
+
+
+def test_what_is_no_address_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="--address: is 'my head'; should be that of a running"):
+        run_on(tmp_path, plan_of(tmp_path / "spec"), "my head")
