@@ -2,6 +2,7 @@
 
 import fcntl
 import os
+import socket
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,6 +32,26 @@ def holder_of(file: Path) -> str | None:
         except BlockingIOError:
             return stream.read(200).decode(errors="replace")
     return None
+
+
+def held_locks(folder: Path, unknown: bool = False) -> dict[str, str]:
+    """What the holders of a directory's shards wrote, by shard (`1-of-3`). Of a lock that cannot be
+    looked at it is `unknown`; asked for, it stands there as held."""
+    found: dict[str, str] = {}
+    for file in sorted(folder.glob(".lock-*-of-*")):
+        shard = file.name.removeprefix(".lock-")
+        try:
+            holder = holder_of(file)
+        except OSError:  # it may not be read, or the file system has no flock
+            holder = "" if unknown else None
+        found |= {} if holder is None else {shard: holder}
+    return found
+
+
+def sign(descriptor: int, study: str = "") -> None:
+    """Writes into a lock who holds it; below, the hash of the study that it is held for."""
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n{study}".encode(), 0)
 
 
 def same_file(descriptor: int, file: Path) -> bool:

@@ -3,7 +3,6 @@
 import errno
 import json
 import os
-import socket
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import replace
@@ -12,7 +11,7 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
-from sweeps.file_lock import holder_of, same_file, try_lock, turn
+from sweeps.file_lock import held_locks, same_file, sign, try_lock, turn
 from sweeps.output import write_atomic
 from sweeps.result_file import OWN_FILES, other_files
 from sweeps.run.environment import describe_environment
@@ -49,6 +48,7 @@ class Store:
         self.damaged = 0  # units set aside so far
         self.stuck: set[Path] = set()  # damaged files that cannot be moved
         self.growing = False  # blocks were read as they were before the study grew
+        self.held: int | None = None  # the descriptor of the shard's lock
 
     def refuse_other_files(self) -> None:
         """Refuses a directory that holds other things than a study, or what one begins with.
@@ -78,6 +78,8 @@ class Store:
             if plan.study.head.keep == "contacts":
                 self.contacts.mkdir(exist_ok=True)
             with turn(self.folder):  # of two specs that begin at once, the second is refused
+                if self.held is not None:
+                    sign(self.held, plan.hash)
                 notes += self._claim(plan)
             keep_inputs(self.folder, plan.study)
             if spec_text is not None:
@@ -113,12 +115,21 @@ class Store:
                     return []
                 content = {**old, "keep": content["keep"]}  # in the order of its first spec
             else:
+                self._refuse_beside_others(plan)
                 notes += ["the study has grown; what is there of it is kept"]
             earlier = {*old.get("earlier", ()), old["study"]["episodes_per_cell"]}
         if grown := sorted(earlier - {plan.study.head.episodes_per_cell}):
             content["earlier"] = grown
         write_atomic(file, (json.dumps(content, indent=1) + "\n").encode())
         return notes
+
+    def _refuse_beside_others(self, plan: Plan) -> None:
+        """Refuses a grown study while shards run as it was: it joins units that they count."""
+        for shard, text in held_locks(self.folder).items():
+            holder, _, study = text.partition("\n")
+            if study not in ("", plan.hash):  # nothing: it is about to begin
+                raise StoreError(f"{self.folder}: {holder} works on shard {shard}, of the study "
+                                 "before it grew; wait for it, or give all the same spec", 3)
 
     def _note_environment(self, device: str) -> list[str]:
         file = self.folder / "environment.json"
@@ -268,9 +279,7 @@ class Store:
                 raise StoreError(f"{lock}: cannot be locked: {error.strerror}; choose a directory "
                                  "on a file system that has flock") from None
             try:
-                os.ftruncate(descriptor, 0)
-                os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}".encode(),
-                          0)
+                sign(descriptor)
             except OSError as error:
                 raise self._unwritable(error) from None
             # listed before it is known that nobody else writes: who begins later has none of these
@@ -278,6 +287,7 @@ class Store:
             if len(self.holders(unknown=True)) == 1:
                 for file in left:  # of killed runs
                     file.unlink(missing_ok=True)
+            self.held = descriptor
             try:
                 yield
             except (OSError, StoreError):
@@ -287,12 +297,13 @@ class Store:
                                  "if it was moved, finished units are there: name its new place "
                                  "with -o to go on", 1) from None
         finally:
+            self.held = None
             os.close(descriptor)
 
     def _hold(self, descriptor: int, shard: tuple[int, int]) -> None:
         """Takes a shard's lock, unless it, or one that has units of it, is held."""
         if not try_lock(descriptor):
-            holder = os.read(descriptor, 200).decode(errors="replace").strip()
+            holder = os.read(descriptor, 200).decode(errors="replace").partition("\n")[0]
             raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
                        "wait for it, or give each run its own --shard I/N")
         for name, holder in self.holders().items():
@@ -303,17 +314,9 @@ class Store:
                            f"{shard[1]}; wait for it, or give all runs the same N in --shard I/N")
 
     def holders(self, unknown: bool = False) -> dict[str, str]:
-        """Who works on this directory right now, by shard (`1-of-3`). Of a lock that cannot be
-        looked at it is `unknown`; asked for, it stands there as held."""
-        found: dict[str, str] = {}
-        for file in sorted(self.folder.glob(".lock-*-of-*")):
-            shard = file.name.removeprefix(".lock-")
-            try:
-                holder = holder_of(file)
-            except OSError:  # it may not be read, or the file system has no flock
-                holder = "" if unknown else None
-            found |= {} if holder is None else {shard: holder}
-        return found
+        """Who works on this directory right now, by shard (`1-of-3`); see `held_locks`."""
+        return {shard: text.partition("\n")[0]
+                for shard, text in held_locks(self.folder, unknown).items()}
 
     def note(self, shard: str) -> Path:
         """Where a run of a shard (`1-of-3`) notes how far it is."""

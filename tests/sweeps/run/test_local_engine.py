@@ -340,6 +340,26 @@ def test_of_two_specs_that_begin_at_once_one_is_refused(
     assert begun == {"", Store(tmp_path / "out").resolved()["hash"]}
 
 
+def test_a_study_does_not_grow_beside_a_shard_of_what_it_was(tmp_path: Path) -> None:
+    """It joined a unit that the other shard had run, which then counted it as lost."""
+    old, grown = (plan_of(tmp_path / name, SMALL.replace("= 70\no", f"= {count}\no"))
+                  for name, count in (("old", 70), ("grown", 100)))
+    first, second = Store(tmp_path / "out"), Store(tmp_path / "out")
+    with first.lock((1, 2)), second.lock((2, 2)):
+        first.open_for(old, None, "cpu")
+        with pytest.raises(StoreError, match=r"process .* works on shard 1-of-2, of the study "
+                                             "before it grew; wait for it") as error:
+            second.open_for(grown, None, "cpu")
+        assert error.value.exit_code == 3
+    with first.lock((1, 2)), second.lock((2, 2)):  # both begin with what it has grown to
+        first.open_for(grown, None, "cpu")
+        second.open_for(grown, None, "cpu")
+    with first.lock((1, 1)):  # grows as it goes
+        first.open_for(grown, None, "cpu")
+        more = plan_of(tmp_path / "more", SMALL.replace("= 70\no", "= 128\no"))
+        first.open_for(more, None, "cpu")
+
+
 def test_a_run_that_begins_beside_is_no_other_file(tmp_path: Path) -> None:
     """Of shards that began at once one was told of `logs` and `units` and no study, which the other
     was just making."""
