@@ -46,9 +46,10 @@ def _versions() -> Iterator[Row]:
 
 
 def _places() -> Iterator[Row]:
-    for label, path in (("compiled fits, baked meshes", cache_root()),
-                        ("compiled kernels", kernel_root())):
-        yield label, f"{path} ({_size(path) / 1e6:.0f} MB)", _writable(path)
+    for label, path, own in (("compiled fits, baked meshes", cache_root(), "WARPGRASP_CACHE"),
+                             ("compiled kernels", kernel_root(), "WARP_CACHE_PATH")):
+        yield label, f"{path} ({_size(path) / 1e6:.0f} MB)", _writable(
+            path, own if os.environ.get(own) else "XDG_CACHE_HOME")
 
 
 def _size(folder: Path) -> int:
@@ -61,14 +62,15 @@ def _size(folder: Path) -> int:
     return size
 
 
-def _writable(path: Path) -> str:
+def _writable(path: Path, variable: str) -> str:
+    """A verdict; of a folder that cannot be written, the variable that names another."""
     while not path.exists():
         path = path.parent
     try:
         with tempfile.TemporaryFile(dir=path):
             return "ok"
     except OSError as error:
-        return f"cannot be written: {error.strerror}; set XDG_CACHE_HOME"
+        return f"cannot be written: {error.strerror}; set {variable}"
 
 
 def _devices() -> Iterator[Row]:

@@ -40,6 +40,18 @@ def test_doctor_looks_where_kernels_are_kept(tmp_path: Path, monkeypatch: pytest
     assert rows["compiled kernels"]["value"] == f"{tmp_path} (0 MB)"
 
 
+def test_doctor_names_the_variable_that_counts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+                                               capsys: pytest.CaptureFixture[str]) -> None:
+    """XDG_CACHE_HOME is not looked at where the folder's own variable is set."""
+    (tmp_path / "file").touch()
+    for variable in ("WARPGRASP_CACHE", "WARP_CACHE_PATH"):
+        monkeypatch.setenv(variable, str(tmp_path / "file"))
+    cli.run(["doctor", "--no-test", "--json"])
+    rows = {row["what"]: row["verdict"] for row in json.loads(capsys.readouterr().out)}
+    assert rows["compiled fits, baked meshes"].endswith("; set WARPGRASP_CACHE")
+    assert rows["compiled kernels"].endswith("; set WARP_CACHE_PATH")
+
+
 def test_doctor_says_what_is_wrong(monkeypatch: pytest.MonkeyPatch, tmp_path: Path,
                                    capsys: pytest.CaptureFixture[str]) -> None:
     def broken() -> list[str]:
