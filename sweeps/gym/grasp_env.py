@@ -22,6 +22,7 @@ from sweeps.episode.scores import SAMPLES, Scorer, Scores
 from sweeps.gym.actions import PROCEDURES, action_size, probes_of
 from sweeps.gym.observations import contact_slots, observation_bounds, observe
 from sweeps.gym.settings import read_settings
+from sweeps.output import devices
 from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.robot import Robot, Truth
 
@@ -77,6 +78,8 @@ class GraspVectorEnv(VectorEnv):
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"render_mode: is {render_mode!r}; should be one of None, "
                              f"{', '.join(RENDER_MODES)}")
+        if device not in (here := devices()):
+            raise ValueError(f"device: there is no {device!r} here; there are: {', '.join(here)}")
         self.num_envs, self.render_mode = num_envs, render_mode
         self._probes, self._device = probes, device
         self._procedures, self._closings = tuple(procedures), tuple(closings)

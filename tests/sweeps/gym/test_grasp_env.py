@@ -274,6 +274,7 @@ def test_pictures_are_of_every_world() -> None:
     ({"procedures": ("poke",)}, "procedures: .* should be some of containment, planar, contour"),
     ({"objects": "blok"}, r"objects\[0\]: no object 'blok'; did you mean block"),
     ({"objects": []}, "objects: is empty"), ({"render_mode": "human"}, "should be one of None"),
+    ({"device": "cuda:99"}, "device: there is no 'cuda:99' here; there are: cpu"),
     ({"settings": {"sensor": {}}}, "settings.sensor: unknown table; did you mean sensors"),
     ({"settings": {"sensors": {"tendon_threshold": 4}}}, "did you mean tendon_threshold_N"),
     ({"settings": {"object": {"x_mm": 0.45}}}, "settings.object: .*where the arm itself stands"),
