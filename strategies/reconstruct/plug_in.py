@@ -19,11 +19,14 @@ from strategies.planners.guarded_call import guarded_call
 from strategies.planners.register import fault_text, place_of
 from strategies.recovery.belief import read_only
 from warpgrasp.core.plain_text import on_one_line
-from warpgrasp.objects.mesh_orientation import outward_faces
+from warpgrasp.geometry.body_sampling import sobol_points
+from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_faces
 
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
 MOST_FACES = 500_000
+_LOG2_POINTS = 13
+"""Of a mesh's box, of which none may lie in two pieces."""
 _OUTSIDE_M = 1.0
 """Taken for a distance that is no number, so that the other worlds' meshes can be made."""
 NO_MESH = TriangleMesh(np.zeros((0, 3)), np.zeros((0, 3), int))
@@ -183,7 +186,18 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
     if not np.array_equal(outward_faces(mesh.vertices_m, mesh.faces), mesh.faces):
         raise ValueError("a piece of it is inside out; the faces of each should look outwards, "
                          "those of a cavity inwards")
+    if _is_twice_inside(mesh):
+        raise ValueError("pieces of it overlap, or it crosses itself, and what they share would "
+                         "count twice; should be united, or signed distances, the least of all")
     return mesh
+
+
+def _is_twice_inside(mesh: TriangleMesh) -> bool:
+    """Whether pieces of a mesh share more than some 0.01 % of its box."""
+    low, high = mesh.corners_m.min((0, 1)), mesh.corners_m.max((0, 1))
+    points = low + sobol_points(_LOG2_POINTS) * (high - low)
+    found = mesh_distance(mesh_of(mesh.vertices_m, mesh.faces), points, winding=1.5)
+    return bool((found < 0.0).any())
 
 
 def _pair(given: Any) -> tuple[Any, Any]:

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "body": ["Body", "BodyError", "Part", "distance_to_bodies", "distances_of", "scene_of",
         "signed_distance_to_bodies"],
     "body_sampling": ["GROUP", "BodySample", "KeyedBody", "body_lowered", "keyed_body",
-        "sample_body"],
+        "sample_body", "sobol_points"],
     "meshing": ["body_mesh"],
     "outline": ["outline_of", "radius_around"],
     "scene": ["Join", "Scene", "Shape", "body_distance", "body_distance_grad", "body_is_convex",

@@ -113,12 +113,13 @@ def mesh_distance_kernel(
     # Query in:
     point: wp.array[wp.vec3f],
     accuracy: wp.float32,
+    winding: wp.float32,
     # Distance out:
     distance: wp.array[wp.float32],
 ):
     """Signed distances of points to a mesh: what a grid is baked from."""
     i = wp.tid() + first
-    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0, accuracy, 0.5)
+    query = wp.mesh_query_point_sign_winding_number(mesh, point[i], 10.0, accuracy, winding)
     nearest = wp.mesh_eval_position(mesh, query.face, query.u, query.v)
     distance[i] = query.sign * wp.length(point[i] - nearest)
 

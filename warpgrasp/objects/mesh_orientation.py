@@ -122,14 +122,16 @@ def mesh_of(vertices_m: np.ndarray, faces: np.ndarray, *, winding: bool = True) 
                    support_winding_number=winding)
 
 
-def mesh_distance(mesh: wp.Mesh, points_m: np.ndarray, *, accuracy: float = 2.0) -> np.ndarray:
+def mesh_distance(mesh: wp.Mesh, points_m: np.ndarray, *, accuracy: float = 2.0,
+                  winding: float = 0.5) -> np.ndarray:
     """Signed distances [m] of points, (n, 3), to a mesh of at most 10 m: shape (n,), float32.
 
-    Winding numbers say which side points are on; faces farther than `accuracy` times the size of
+    Winding numbers say which side points are on: greater ones than `winding` are inside, than 1.5
+    inside two pieces that overlap. Faces farther than `accuracy` times the size of
     their group are summed as one (Barill and others 2018). Of closed surfaces 1.5 gives the same
     sides in two thirds of the time. Raises TypeError and ValueError for other arrays.
     """
-    return _distances(mesh_distance_kernel, mesh, points_m, accuracy=accuracy)
+    return _distances(mesh_distance_kernel, mesh, points_m, accuracy=accuracy, winding=winding)
 
 
 def simple_mesh_distance(mesh: wp.Mesh, points_m: np.ndarray) -> np.ndarray:

@@ -278,6 +278,21 @@ def test_no_piece_of_a_mesh_is_inside_out() -> None:
             checked_mesh((vertices, faces), LOW, HIGH)
 
 
+def test_no_pieces_of_a_mesh_overlap() -> None:
+    """What they share counted twice: such a block had 4/3 of its volume. Pieces may touch."""
+    blocks = [trimesh.creation.box([0.06, 0.06, 0.08]) for _ in range(2)]
+    for apart, twice in ((0.04, True), (0.0, True), (0.079, True), (0.08, False), (0.09, False)):
+        one, other = blocks[0], blocks[1].copy()
+        other.apply_translation([0.0, 0.0, apart])
+        both = trimesh.util.concatenate([one, other])
+        pair = np.array(both.vertices), np.array(both.faces)
+        if twice:
+            with pytest.raises(ValueError, match="pieces of it overlap"):
+                checked_mesh(pair, LOW, HIGH)
+        else:
+            assert checked_mesh(pair, LOW, HIGH).volume_m3 == pytest.approx(2 * one.volume)
+
+
 def test_the_mean_is_the_distance_to_what_was_recovered() -> None:
     points = np.array([[[0.05, 0, 0], [0, 0, 0.03], [0, 0.02, 0], [0, 0, 0]]])
     found = DistanceToRecovered(spheres())(points, np.array([1]))
