@@ -57,9 +57,11 @@ class BodyUncertainty(SuperquadricUncertainty):
 
 
 def parameter_uncertainty(
-    body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable
+    body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable, *,
+    table_plane: bool = True
 ) -> SuperquadricUncertainty:
-    """Uncertainty of the parameters of each world's superquadric from its own contacts.
+    """Uncertainty of the parameters of each world's superquadric from its own contacts and, if
+    `table_plane`, from the table on which it is known to stand.
 
     Contacts are packed to a number of slots that depends on the world's own count: sums over more
     empty slots, for a neighbour's sake, would round otherwise.
@@ -70,7 +72,7 @@ def parameter_uncertainty(
     for width, rows in _by_slots(felt):
         some, stood = packed(felt, links, rows, width)
         part = _of_superquadrics(Superquadric(*(field[rows] for field in body)), some, stood,
-                                 errors, arm)
+                                 errors, arm, table_plane)
         for name, values in known.items():
             values[rows] = getattr(part, name)
     return SuperquadricUncertainty(**known)
@@ -122,10 +124,12 @@ def surface_spread(
 
 
 def _of_superquadrics(
-    body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable
+    body: Superquadric, felt: Felt, links: TouchedLinks, errors: ErrorTable, arm: ArmTable,
+    table_plane: bool
 ) -> SuperquadricUncertainty:
     return superquadric_uncertainty(
-        body, felt.points_m, felt.mask, table_z=0.0, covariance=felt.covariance_m2,
+        body, felt.points_m, felt.mask, table_z=0.0 if table_plane else None,
+        covariance=felt.covariance_m2,
         shared_m=lambda normal: shared_shifts(links, felt.points_m, normal, errors, arm))
 
 

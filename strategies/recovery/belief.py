@@ -86,7 +86,8 @@ class Belief:
     def parameter_uncertainty(self) -> SuperquadricUncertainty:
         """Of the superquadric's parameters, to first order. Computed on first use."""
         return read_only(parameter_uncertainty(
-            self.body, self.felt, self.links, self.errors, self.arm))
+            self.body, self.felt, self.links, self.errors, self.arm,
+            table_plane=self.fit.table_plane))
 
     @cached_property
     def uncertainty(self) -> BodyUncertainty:
