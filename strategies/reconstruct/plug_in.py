@@ -25,6 +25,9 @@ from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_f
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
 MOST_FACES = 500_000
+_CELLS = 64
+"""Of the grid of signed distances: its box holds the whole prior, and a handle of 16 mm in it needs
+cells of 4 mm, as that of a union of parts does [est]."""
 _LOG2_POINTS = 13
 """Of a mesh's box, of which none may lie in two pieces."""
 _OUTSIDE_M = 1.0
@@ -102,7 +105,7 @@ def _answered(function: Callable[..., Any], touches: Touches
             if callable(answer):
                 bad = np.zeros(worlds, bool)
                 found = zero_set_meshes(_checked(answer, touches, cut, bad), touches.low_m,
-                                        touches.high_m)
+                                        touches.high_m, cells=_CELLS)
                 fault[bad] = f"{place_of(function)}: a distance is not finite"
                 return [NO_MESH if none else mesh for none, mesh in zip(bad, found, strict=True)
                         ], fault, cut, False
