@@ -29,7 +29,7 @@ from fit.implicit.process_rows import FREE_ROWS, Rows, row_bucket, touch_rows, w
 from fit.implicit.query import implicit_values, sphere_mean
 from fit.implicit.record import ImplicitFit, ImplicitOptions, Mean
 from fit.optimize.batch import Program, map_lanes, take
-from fit.optimize.multistart import Problem, advance
+from fit.optimize.multistart import CONCLUSIVE_DAMPING, Problem, advance
 from fit.option_checks import check_balls, options_of
 from fit.prepare import Sets, prepare
 
@@ -114,7 +114,7 @@ def fit_implicit(
 
 def _outside(fits: ImplicitFit, free: FreeSpace, buckets, sets: Sets, rows: Rows, mean: Mean,
              options: ImplicitOptions) -> ImplicitFit:
-    """The fits kept out of free space, at the same hyperparameters."""
+    """The fits kept out of free space; balls tell of the hyperparameters, too."""
     chosen = np.full((len(fits), FREE_ROWS), -1)
     push = np.zeros(chosen.shape)
     for _ in range(options.free_rounds):
@@ -122,8 +122,11 @@ def _outside(fits: ImplicitFit, free: FreeSpace, buckets, sets: Sets, rows: Rows
                          -np.inf)
         chosen = chosen_balls(depth, chosen, push)
         for index, theta, data in buckets:
-            data = _reweighted(theta, with_balls(data, free, chosen, index, sets, options), options)
-            push[index] = _put(fits, index, theta, data, sets, rows)
+            data = with_balls(data, free, chosen, index, sets, options)
+            told = np.flatnonzero((chosen[index] >= 0).any(axis=1))
+            if len(told):
+                theta[told] = _hyperparameters(take(data, told), options)[0]
+            push[index] = _put(fits, index, theta, _reweighted(theta, data, options), sets, rows)
     return fits
 
 
@@ -174,12 +177,14 @@ def _hyperparameters(
         data = with_rows(data, active, _reweighted(theta[active], take(data, active), options))
         moved = advance(_PROBLEM, theta[active], take(data, active), options.round_iterations,
                         damping[active])
+        # A round of rejected steps proves convergence only if the steps were short.
+        rejected = (moved.theta == theta[active]).all(1) & (moved.damping < CONCLUSIVE_DAMPING)
         theta[active], damping[active] = moved.theta, moved.damping
         iterations[active] += options.round_iterations
         if turn + 1 < options.least_rounds:
             continue
         settled = np.abs(data.weight[active] - before).max(axis=1) < SETTLED
-        done = (moved.decrease < options.least_fall) & settled
+        done = (moved.decrease < options.least_fall) & settled & ~rejected
         status[active[done]] = FitStatus.converged
         active = active[~done]
         if len(active) == 0:

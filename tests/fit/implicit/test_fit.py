@@ -40,6 +40,14 @@ def three() -> tuple:
     return fits, meshes, implicit_volume(fits, meshes)
 
 
+def test_touches_that_do_not_err_tell_so() -> None:
+    """Where its first steps were rejected a descent ended where it began, with the noise of the
+    prior, and was said to have converged: intervals of volumes were ten times too wide."""
+    fits = fit_implicit(ellipsoids(TOUCHES, noise=0.0))
+    assert (fits.status == FitStatus.converged).all()
+    assert (fits.noise_sigma_m < 4e-4).all()
+
+
 def test_ellipsoids_are_recovered_within_their_noise(three) -> None:
     fits, _, volume = three
     assert (fits.status == FitStatus.converged).all()
@@ -101,7 +109,9 @@ def test_a_motion_carries_the_body_with_it() -> None:
     queries = np.random.default_rng(1).uniform(-0.05, 0.05, (1, 50, 3)) + [0.4, 0.1, 0.08]
     moved = queries @ turn.T + [0.0, 0.2, 0.1]
     # The off-surface points are every third touch in the order of coordinates, which turns too.
-    assert np.allclose(implicit_values(one, queries), implicit_values(other, moved), atol=1.5e-3)
+    here, there = implicit_values(one, queries), implicit_values(other, moved)
+    near = np.abs(here) < 0.01
+    assert np.allclose(here[near], there[near], atol=1e-3)
 
 
 @pytest.mark.slow
@@ -145,8 +155,9 @@ POLE_FREE = np.array([[0.0, 0.0, 0.030], [0.1, 0.0, 0.0]])
 
 def test_free_balls_push_the_surface_away() -> None:
     points = directions(TOUCHES)[12:] * 0.03
+    points += 1e-3 * np.random.default_rng(3).normal(size=points.shape)
     free = fit_implicit(points[None], free_points=POLE_FREE[None], free_radius=0.006)
-    assert implicit_values(free, POLE_FREE[None])[0, 0] > 0.0055
+    assert implicit_values(free, POLE_FREE[None])[0, 0] > 0.0053
 
 
 @pytest.mark.slow
