@@ -181,8 +181,11 @@ def checked_mesh(given: Any, low_m: np.ndarray, high_m: np.ndarray) -> TriangleM
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2).astype(np.int64)
     ahead = edges[:, 0] * len(vertices) + edges[:, 1]
     back = edges[:, 1] * len(vertices) + edges[:, 0]
-    if len(np.unique(ahead)) != len(ahead) or not np.array_equal(np.sort(ahead), np.sort(back)):
+    if not np.array_equal(np.sort(ahead), np.sort(back)):
         raise ValueError("the surface is open, or its faces do not look one way")
+    if len(np.unique(ahead)) != len(ahead):
+        raise ValueError("an edge borders more than two faces; should be two, and pieces that "
+                         "touch there should have vertices of their own")
     mesh = TriangleMesh(vertices, faces.astype(int))
     if mesh.volume_m3 <= 0.0:
         raise ValueError("the volume is not positive: should its faces look outwards?")

@@ -278,6 +278,17 @@ def test_meshes_are_checked(change, said: str) -> None:
         checked_mesh(change(*good), LOW, HIGH)
 
 
+def test_blocks_that_share_an_edge_are_not_said_to_be_open() -> None:
+    """They were, though every edge borders as many faces of either way."""
+    both = trimesh.util.concatenate([trimesh.creation.box([0.05] * 3).apply_translation(
+        [x, x, 0.0]) for x in (-0.025, 0.025)])
+    pair = np.array(both.vertices), np.array(both.faces)
+    assert checked_mesh(pair, LOW, HIGH).volume_m3 == pytest.approx(2 * 0.05**3)
+    vertices, number = np.unique(pair[0], axis=0, return_inverse=True)
+    with pytest.raises(ValueError, match="an edge borders more than two faces"):
+        checked_mesh((vertices, number.reshape(-1)[pair[1]]), LOW, HIGH)
+
+
 def test_no_piece_of_a_mesh_is_inside_out() -> None:
     """Its volume counted as less than nothing; that of a cavity should."""
     ball, small = trimesh.creation.icosphere(1, 0.03), trimesh.creation.icosphere(1, 0.01)
