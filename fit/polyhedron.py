@@ -14,8 +14,9 @@ NO_POINT = 1e-9
 """Three planes meet in no point where the determinant of their unit normals is below this."""
 ROUNDED = 1e-6
 """By which the length of a normal may be off 1."""
-SAME_M = 1e-6
-"""Corners nearer to one another than this are one; one this far beyond a plane is on it [m]."""
+SAME_M = 1e-9
+"""Corners nearer to one another than this are one; one this far beyond a plane is on it [m]. More
+than rounding, and less than any edge: of an edge as short as this faces would not agree."""
 FEWEST_FACES = 4
 """Of a body that has a volume."""
 

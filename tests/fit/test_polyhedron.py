@@ -116,3 +116,11 @@ def test_a_plane_beside_another_leaves_the_surface_closed(turn: float, beyond_m:
     assert away == pytest.approx([0.05], abs=1e-6)
     with pytest.raises(ValueError, match="no unit vector"):
         polyhedron_mesh(2.0 * normals, 2.0 * offset_m)
+
+
+def test_a_corner_cut_off_by_a_micrometre_leaves_the_surface_closed() -> None:
+    """The faces about it had different corners there, so that the surface had holes."""
+    cut = np.array([10.0, 3.0, 1.0]) / np.sqrt(110.0)
+    normals, half_m = np.vstack([CUBE, cut]), 0.02
+    mesh = polyhedron_mesh(normals, np.append(np.full(6, half_m), half_m * cut.sum() - 1e-6))
+    assert trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False).is_watertight
