@@ -64,13 +64,14 @@ def _contour(exploration: ContourExploration, world: int) -> tuple[np.ndarray, n
     height = (centre - axis.foot_m[world]) @ along
     order = np.argsort(height, kind="stable")
     height, radius = height[order], np.clip(radius[order], *_RADII_M)
-    begin = -axis.foot_m[world, 2] / max(along[2], 0.1)
+    across = centre - axis.foot_m[world]
+    across = np.median(across - (across @ along)[:, None] * along, axis=0)
+    beside = axis.foot_m[world] + across  # through the middle of the sections, not as given
+    begin = -beside[2] / max(along[2], 0.1)
     nodes = linear_segments(height, radius, SPLIT_M)
     if begin < height[0]:
         nodes = np.concatenate([[[begin, nodes[0, 1]]], nodes])
-    across = centre - axis.foot_m[world]
-    across = np.median(across - (across @ along)[:, None] * along, axis=0)
-    return axis.foot_m[world] + across + begin * along, nodes - [begin, 0.0]
+    return beside + begin * along, nodes - [begin, 0.0]
 
 
 def section_circles(exploration: ContourExploration, world: int) -> tuple[np.ndarray, np.ndarray]:

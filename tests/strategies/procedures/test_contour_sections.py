@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from strategies.procedures.contour_record import Axis, ContourExploration
 from strategies.procedures.contour_sections import linear_segments, profile_by_sections
@@ -89,3 +90,16 @@ def test_an_axis_of_another_length_changes_nothing() -> None:
     longer = replace(one, axis=replace(one.axis, direction=3.0 * one.axis.direction))
     np.testing.assert_allclose(profile_by_sections(longer).radius_m,
                                profile_by_sections(one).radius_m, atol=1e-12)
+
+
+def test_the_axis_of_a_leaning_body_is_carried_down_to_the_table() -> None:
+    """It passes beside the foot that was given, and meets the table higher or lower than that."""
+    one, foot = explored(0.0, shift_m=0.008), [0.45, 0.0, 0.0]
+    turn = Rotation.from_rotvec([0.0, 0.4, 0.0])
+    touches = replace(one.touches, point_m=turn.apply(one.touches.point_m - foot) + foot,
+                      normal=turn.apply(one.touches.normal))
+    axis = replace(one.axis, direction=turn.apply(one.axis.direction))
+    found = profile_by_sections(replace(one, touches=touches, axis=axis))
+    along = turn.apply([0.0, 0.0, 1.0])
+    beside = turn.apply([0.008, 0.0, 0.0]) + foot
+    np.testing.assert_allclose(found.foot_m[0], beside - beside[2] / along[2] * along, atol=1e-9)
