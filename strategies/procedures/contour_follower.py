@@ -116,23 +116,22 @@ class _Follower:
         rows = np.flatnonzero(self.reason == EndReason.GOING_ON)
         if len(rows) == 0:
             return
-        low = self._lowest()
-        high = np.maximum(0.98 * self.axis.length_m, low)
-        best, frames = np.full(len(rows), -1.0), self.frames.copy()
+        best, frames, place = np.full(len(rows), -1.0), self.frames.copy(), self.place
         for azimuth in _AZIMUTHS_RAD:
             left = np.flatnonzero(best < _ALL_REACHED)
             if len(left) == 0:
                 break
-            self.frames = np.stack([self._frame(azimuth + self.o.swing_rad),
-                                    self._frame(azimuth - self.o.swing_rad)], 1)
-            score = self._reaches(rows[left], low, high)
+            ways = [self._inward(azimuth + self.o.swing_rad),
+                    self._inward(azimuth - self.o.swing_rad)]
+            self.frames = np.stack([self._frame(inward) for inward in ways], 1)
+            low = np.maximum(*map(self._lowest, ways))
+            score = self._reaches(rows[left], low, np.maximum(0.98 * self.axis.length_m, low))
             better = left[score > best[left]]
             best[left] = np.maximum(best[left], score)
-            frames[rows[better]] = self.frames[rows[better]]
-        self.frames = frames
+            frames[rows[better]], place[rows[better]] = self.frames[rows[better]], low[rows[better]]
+        self.frames, self.place = frames, place
         # At least the lower end, and the way in to it.
         self.reason[rows[best < _LOWER_END]] = EndReason.UNREACHABLE
-        self.place = low
 
     def _reaches(self, rows: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """How much of the axis the arm reaches: the lower end and the way in count most."""
@@ -151,23 +150,27 @@ class _Follower:
         self.section[:] = 0
         return score
 
-    def _lowest(self) -> np.ndarray:
-        """Lowest section at which the pitched hand clears the table."""
-        pair, below = self.pair, max(self.pair.ball_m)
-        if len(pair.rest_m):
-            _, up, ahead = ((pair.rest_m - pair.middle_m) @ pair.axes).T
-            below = max(below, float((ahead * np.sin(_PITCH_RAD) - up * np.cos(_PITCH_RAD)
-                                      + pair.rest_radius_m).max()))
-        tip = below + self.o.table_clear_m
-        reach = max(self.o.beyond_m) + 0.004
-        return (tip + reach * np.sin(_PITCH_RAD) - self.foot[:, 2]) / self.along[:, 2]
-
-    def _frame(self, azimuth: float) -> np.ndarray:
-        """Hand axes as columns, (world, 3, 3): x across, z towards the axis and downwards."""
+    def _inward(self, azimuth: float) -> np.ndarray:
+        """From the hand to the axis, across it, unit, (world, 3)."""
         bearing = np.arctan2(self.foot[:, 1], self.foot[:, 0]) + azimuth
         level = np.stack([np.cos(bearing), np.sin(bearing), np.zeros_like(bearing)], 1)
         inward = level - (level * self.along).sum(1, keepdims=True) * self.along
-        inward /= np.linalg.norm(inward, axis=1, keepdims=True)
+        return inward / np.linalg.norm(inward, axis=1, keepdims=True)
+
+    def _lowest(self, inward: np.ndarray) -> np.ndarray:
+        """Lowest section at which the hand, pitched and leaning with the axis, clears the table."""
+        pair, sin, cos = self.pair, np.sin(_PITCH_RAD), np.cos(_PITCH_RAD)
+        across, up, ahead = ((pair.rest_m - pair.middle_m) @ pair.axes).T
+        sideways = np.cross(self.along, inward)[:, 2, None]
+        sinks = (sin * self.along[:, 2] - cos * inward[:, 2])[:, None]
+        rises = (cos * self.along[:, 2] + sin * inward[:, 2])[:, None]
+        rest = ahead * sinks - up * rises - across * sideways + pair.rest_radius_m
+        tip = np.maximum(max(pair.ball_m), rest.max(1)) + self.o.table_clear_m
+        reach = max(self.o.beyond_m) + 0.004
+        return (tip + reach * sinks[:, 0] - self.foot[:, 2]) / self.along[:, 2]
+
+    def _frame(self, inward: np.ndarray) -> np.ndarray:
+        """Hand axes as columns, (world, 3, 3): x across, z towards the axis and downwards."""
         z = np.cos(_PITCH_RAD) * inward - np.sin(_PITCH_RAD) * self.along
         x = np.cross(self.along, inward)
         return np.stack([x, np.cross(z, x), z], 2)

@@ -51,8 +51,8 @@ class OpposedPair:
     farther along the approach than the middle."""
     deep_m: np.ndarray
     rest_m: np.ndarray
-    """Places of the hand that may reach lower than its fingertips, (place, 3), and the radii about
-    them, (place,); none where the pair is known to be lowest."""
+    """Places of the open hand of which one may be its lowest, (place, 3), and the radii about them,
+    (place,)."""
     rest_radius_m: np.ndarray
 
     @property
@@ -111,7 +111,9 @@ def utah_mit_opposed(hand: HandTable, pads: PadTable) -> OpposedPair | None:
         commands[finger, :, 1] = np.radians(np.linspace(_OPEN_DEG, _CLOSED_DEG, _CLOSING_STEPS))
     reach = (hand.abduction_offset_m + sum(hand.link_length_m)) * cos(abduction)
     ball = hand.link_radius_m + pads.thickness_m
-    widest = hand.palm_gap_m / 2 - reach * sin(radians(_OPEN_DEG)) - ball - _ROOM_M
+    opened = hand.palm_gap_m / 2 - reach * sin(radians(_OPEN_DEG))
+    tips = np.array([[-opened, 0.0, 0.0], [opened, 0.0, 0.0]])
+    tips[:, 2] = reach * cos(radians(_OPEN_DEG))
     return OpposedPair((_INDEX, _THUMB), (index, thumb), np.eye(3), np.array([0.0, 0.0, reach]),
-                       (ball, ball), widest, np.zeros(1), np.zeros(1), np.zeros((0, 3)),
-                       np.zeros(0))
+                       (ball, ball), opened - ball - _ROOM_M, np.zeros(1), np.zeros(1), tips,
+                       np.full(2, ball))

@@ -125,12 +125,25 @@ def test_a_leaning_cylinder_ends_where_its_rim_stands_on_the_table() -> None:
     assert np.abs(profile.foot_m - foot).max() < 0.003
 
 
+@pytest.mark.parametrize("lean_deg", [-20, 20])
+def test_a_body_that_leans_sideways_is_followed_to_its_end(lean_deg: float) -> None:
+    """The hand leans with it, and one of its open fingers comes nearer to the table."""
+    body = body_from_table({"name": "leaning", "compound": [{
+        "shape": "cylinder", "radius_mm": 25, "height_mm": 120, "rpy_deg": [lean_deg, 0, 0]}]},
+        Path())
+    robot, truth = before(body, 2)
+    way = np.tile(Rotation.from_rotvec([np.radians(lean_deg), 0, 0]).apply([0, 0, 1]), (2, 1))
+    foot, ones = truth.body_pose[:, :3] + np.array(body.parts[0].place[:3]), np.ones(2)
+    found = explore_contour(robot, Axis(foot, way, 0.12 * ones, 0.025 * ones))
+    assert list(found.reason) == [EndReason.END_OF_OBJECT] * 2
+
+
 def test_touches_of_the_table_are_none_of_the_body() -> None:
-    """The axis leans by 5 degrees, so that low sections come down to the table."""
+    """A hand that is to go lower than it can comes down to the table."""
     robot, _ = set_up("lightbulb")
     azimuth = np.linspace(0, 2 * np.pi, WORLDS, endpoint=False)
     leaning = told_axis("lightbulb", sigma=0.004).turned(np.full(WORLDS, np.radians(8)), azimuth)
-    found = explore_contour(robot, leaning)
+    found = explore_contour(robot, leaning, options=ContourOptions(table_clear_m=-0.01))
     low = np.nan_to_num(found.touches.point_m[:, 2], nan=1.0) < 0.003
     assert low.any()
     radius = CONTOURS["lightbulb"][:, 1].max()
