@@ -12,6 +12,7 @@ import numpy as np
 from fit.rotation import matrix_of_quaternion
 from fit.superquadric.geometry import (
     Superquadric,
+    from_straight_frame,
     superquadric_inside_outside,
     superquadric_normals,
     superquadric_points,
@@ -76,8 +77,9 @@ def faces_of(body: Superquadric) -> tuple[np.ndarray, np.ndarray]:
     """
     axes = matrix_of_quaternion(body.quaternion_xyzw)
     ways = np.concatenate([axes, -axes], 2).transpose(0, 2, 1)[:, [0, 3, 1, 4, 2, 5]]
-    start = body.position_m[:, None] + ways * body.size_m[:, [0, 0, 1, 1, 2, 2]][..., None]
-    # Taper and bend move the ends: slide along the axis to where the gauge is one.
+    # Where they are after a bend, too; what is left below is rounding.
+    ends = np.concatenate([np.eye(3), -np.eye(3)])[[0, 3, 1, 4, 2, 5]] * body.size_m[:, None]
+    start = from_straight_frame(body, ends)
     arm = start - body.position_m[:, None]
     with np.errstate(divide="ignore", invalid="ignore"):
         gauge = superquadric_inside_outside(body, start)

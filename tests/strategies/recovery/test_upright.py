@@ -39,3 +39,14 @@ def test_faces_lie_on_the_surface_and_look_out(e1, e2, taper, yaw, tilt) -> None
     gauge = superquadric_inside_outside(body, points)
     assert np.allclose(gauge, 1.0, atol=0.02)
     assert (superquadric_inside_outside(body, points + 1e-3 * normals) > gauge).all()
+
+
+def test_faces_of_a_bent_body_lie_on_its_surface() -> None:
+    """A straight line from the middle towards an end leaves a banana through its side."""
+    turn = Rotation.from_euler("yz", [90, 30], degrees=True).as_quat()
+    body = superquadric((0.018, 0.018, 0.09), (0.8, 1.0), (0.4, 0.1, 0.018), turn, bend=(7.0, 0.4))
+    points, normals = faces_of(body)
+    assert np.allclose(superquadric_inside_outside(body, points), 1.0, atol=1e-6)
+    # The ends look along the axis where it ends: turned by 7 / m times 0.09 m.
+    along = Rotation.from_quat(turn).inv().apply(normals[0, 4:])
+    assert np.allclose(np.abs(along[:, 2]), np.cos(7.0 * 0.09), atol=0.01)
