@@ -28,7 +28,8 @@ class Contour:
     matched: np.ndarray
     """Name of the bottle whose profile is nearest."""
     by_volume: np.ndarray
-    """Name of the bottle nearest in largest radius, length and volume alone."""
+    """Name of the bottle nearest in largest radius, length and volume alone; "" where none was
+    recovered, as in `matched`."""
 
 
 @dataclass(frozen=True)
@@ -86,8 +87,10 @@ def _matched(profile: Profile | SectionProfile, contours: dict[str, np.ndarray])
     mine = np.log(np.stack([profile.largest_radius_m, profile.length_m,
                             np.maximum(profile.volume_m3, 1e-9)], 1))
     away = np.stack([np.abs(mine - f).sum(1) for f in features.values()], 1)
+    known = np.isfinite(away).all(axis=1)
     nearest = np.array(list(features))[np.nan_to_num(away, nan=np.inf).argmin(1)]
-    return Contour(profile, np.asarray(match_profiles(profile, contours)), nearest)
+    return Contour(profile, np.asarray(match_profiles(profile, contours)),
+                   np.where(known, nearest, ""))
 
 
 BOTTLES_HEADER = (

@@ -53,11 +53,13 @@ def test_the_volume_of_a_profile_is_that_of_its_discs() -> None:
 
 @pytest.mark.parametrize("name", BOTTLES)
 def test_a_bottle_found_as_it_is_matches_itself(name: str) -> None:
-    """A little too large, too; where nothing was found it is none by its profile."""
+    """A little too large, too; where nothing was found it is none."""
     contours = {bottle: contour_of(bottle) for bottle in BOTTLES}
     for factor in (1.0, 1.02):
         found = _matched(sections(factor * contours[name], 2), contours)
         assert found.matched.tolist() == found.by_volume.tolist() == [name] * 2
+    nothing = _matched(sections(np.nan * contours[name], 1), contours)
+    assert nothing.matched.tolist() == nothing.by_volume.tolist() == [""]
 
 
 def test_rows_of_bottles_are_of_the_worlds_that_reached_the_end() -> None:
