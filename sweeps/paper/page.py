@@ -207,7 +207,8 @@ def _six_conclusions(found: list[Grasped]) -> list[str]:
 
 def _faces(found: list[Explored]) -> list[str]:
     angle = found[0].angle_deg
-    beyond, same = int((angle >= PRINTED_DEG).sum()), int((errors_of(found[0]) > 45.0).sum())
+    beyond, same, opposite = (
+        int(on.sum()) for on in (angle >= PRINTED_DEG, angle < 45.0, angle > 135.0))
     medians = []
     for source in dict.fromkeys(e.case.source for e in found if e.case.source != "default"):
         mine = [(float(np.median(errors_of(e))), e.case.size,
@@ -225,7 +226,8 @@ def _faces(found: list[Explored]) -> list[str]:
         *_chosen(FACES_HEADER, face_rows(found), _FACES_WORDS), "",
         f"The printed {PRINTED_DEG:.0f} degrees or more came out in {beyond} of {len(angle)} "
         f"blocks with the default errors; in {same} both sides of the recovered body were one "
-        "face of the block. At which size does each source alone make an error of "
+        f"face of the block, in {opposite} two opposite ones. At which size does each source alone "
+        "make an error of "
         f"{TYPICAL_DEG:.0f} degrees typical (the median)?", "",
         *_table(("source", "size", "blocks"), typical_sizes(found)), "",
         f"- {conclusions.what_makes_six(medians, TYPICAL_DEG)}"]

@@ -18,6 +18,7 @@ from sweeps.paper.bottles import (
     volume_of,
 )
 from sweeps.paper.faces import FACES_HEADER, Case, Explored, face_rows, typical_sizes
+from sweeps.paper.page import _faces
 from sweeps.paper.recovery import (
     FINGERTIP,
     PLAIN,
@@ -87,6 +88,12 @@ def explored(source: str, size: str, number: float, angle_deg: Any, touches: int
     angle = np.asarray(angle_deg, float)
     return Explored(Case(source, size, number), angle, np.full(len(angle), touches), 25,
                     np.array([1.0, 2.0, 6.0]), (), np.zeros((25, 7)))
+
+
+def test_opposite_faces_of_a_block_are_not_taken_for_one() -> None:
+    said = " ".join(_faces([explored("default", "", 0.0, [90.0, 97.0, 179.0, 178.0, 1.0])]))
+    assert "came out in 3 of 5 blocks" in said
+    assert "in 1 both sides of the recovered body were one face of the block, in 2 two op" in said
 
 
 def test_rows_of_faces_have_the_quantiles_of_their_angles() -> None:
