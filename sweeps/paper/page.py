@@ -220,9 +220,10 @@ def _faces(found: list[Explored]) -> list[str]:
         "## Two faces of a block (figure 5)", "", "![Two faces](figure5.png)", "",
         "A block is grasped as above, and a body recovered from all evidence. The two sides of "
         "that body that face the arm most are crossed, and a plane is fitted to the touches on "
-        "each. *Start* is how far the worse of their normals was from the block's. A row counts "
-        "the blocks whose two sides were both crossed; quantiles are over these. The first row "
-        "has the default errors of robot and sensors, each other one a single source changed.", "",
+        "each. *Start* is how far the worse of their normals was from the block's, the median of "
+        "all blocks. *Both crossed* counts the blocks whose two sides were; the other columns are "
+        "over these. The first row has the default errors of robot and sensors, each other one a "
+        "single source changed.", "",
         *_chosen(FACES_HEADER, face_rows(found), _FACES_WORDS), "",
         f"The printed {PRINTED_DEG:.0f} degrees or more came out in {beyond} of {len(angle)} "
         f"blocks with the default errors; in {same} both sides of the recovered body were one "
