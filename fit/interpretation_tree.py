@@ -22,6 +22,9 @@ NULL = -1
 """The face of a touch that is none of the model's."""
 MOST = 100
 """Assignments that are verified."""
+UNDETERMINED = 1e-6
+"""Normals of faces with a part below this along a direction leave a place open along it."""
+
 
 @dataclass(frozen=True)
 class FaceModel:
@@ -243,6 +246,13 @@ def _verified(
     position = np.array([np.linalg.lstsq(np.concatenate([matrix, extra]), values, rcond=None)[0]
                          for matrix, values in zip(turned, right, strict=True)]).reshape(-1, 3)
     local = (points - position[:, None]) @ rotation
+    # Where faces leave one component open, the centres alone may put touches outside.
+    _, sizes, axes = np.linalg.svd(true)
+    along = np.where(sizes[:, 2:] < UNDETERMINED, axes[:, 2], 0.0) if count > 2 else axes[:, 2]
+    # By a little less than is allowed below, for rounding.
+    slid = _slide_inside(model, faces, local, along, 1.99 * distance_m)[:, None] * along
+    local += slid[:, None]
+    position -= np.einsum("bij,bj->bi", rotation, slid)
     away = np.einsum("bti,bti->bt", local, true) - offset
     inside = np.abs(away) <= 2 * distance_m
     for face, (corners, inward) in enumerate(zip(model.faces, model.inward, strict=True)):
@@ -256,6 +266,24 @@ def _verified(
         distance[on[row]] = away[k]
         yield row, Interpretation(model.name, tuple(assignment[row].tolist()), quaternion[k],
                                   position[k], distance)
+
+
+def _slide_inside(
+    model: FaceModel, faces: Int[np.ndarray, "branch touch"],
+    local: Float[np.ndarray, "branch touch 3"], along: Float[np.ndarray, "branch 3"],
+    slack_m: float,
+) -> Float[np.ndarray, " branch"]:
+    """The shortest way [m] along `along` that brings the touches `local` of each branch inside the
+    edges of their faces, with some slack; 0 where none does."""
+    low, high = np.full(len(local), -np.inf), np.full(len(local), np.inf)
+    for face, (corners, inward) in enumerate(zip(model.faces, model.inward, strict=True)):
+        branch, touch = np.nonzero(faces == face)
+        room = ((local[branch, touch][:, None] - corners) * inward).sum(-1) + slack_m
+        slope = along[branch] @ inward.T
+        way = -room / np.where(np.abs(slope) < UNDETERMINED, np.inf, slope)
+        np.maximum.at(low, branch, np.where(slope >= UNDETERMINED, way, -np.inf).max(axis=1))
+        np.minimum.at(high, branch, np.where(slope <= -UNDETERMINED, way, np.inf).min(axis=1))
+    return np.where(low <= high, np.clip(0.0, low, high), 0.0)
 
 
 def model_of_planes(

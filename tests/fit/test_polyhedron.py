@@ -124,3 +124,14 @@ def test_a_corner_cut_off_by_a_micrometre_leaves_the_surface_closed() -> None:
     normals, half_m = np.vstack([CUBE, cut]), 0.02
     mesh = polyhedron_mesh(normals, np.append(np.full(6, half_m), half_m * cut.sum() - 1e-6))
     assert trimesh.Trimesh(mesh.vertices_m, mesh.faces, process=False).is_watertight
+
+
+def test_touches_on_two_faces_are_found_wherever_they_lie_along_the_edge_between() -> None:
+    """Nothing but the faces' ends tells where they lie along it, and not the middle of touches."""
+    box = model_of_planes("box", CUBE, np.tile(SIZE_M, 2))
+    points = np.array([[0.03, 0.01, 0.059], [0.02, 0.04, 0.055], [0.0, 0.04, 0.05],
+                       [0.03, -0.02, -0.055]])
+    faces = (0, 1, 1, 0)
+    found = interpret(points, CUBE[list(faces)], box, angle_rad=0.1, distance_m=0.001)
+    true = next(one for one in found if one.assignment == faces)
+    assert np.abs(points - true.position_m)[:, 2].max() <= 0.062
