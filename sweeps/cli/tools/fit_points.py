@@ -278,11 +278,12 @@ def _check(shape: str, points: Path, out: Path, taper: bool, bend: bool, robust:
         problems.append(f"--figure: {figure}: should end in {', '.join(FIGURE_FORMATS)}")
     if meshes is not None and shape != "implicit":
         problems.append(f"--meshes: is for implicit, not for {shape}")
-    named = [path.resolve() for path in (points, out, figure) if path is not None]
+    written = [path for path in (out, figure) if path is not None]
     if shape == "revolution":
-        named.append(profile_path(out).resolve())
+        written.append(profile_path(out))
+    named = [path.resolve() for path in (points, *written)]
     if len(set(named)) < len(named):
         problems.append(f"--out: {out}: a file is named twice; it would be written over")
-    problems += [wrong for path in (out, figure) if path and (wrong := why_unwritable(path))]
+    problems += [wrong for path in written if (wrong := why_unwritable(path))]
     if problems:
         raise StoreError("\n".join(problems))

@@ -148,6 +148,15 @@ def test_what_cannot_be_used_ends_with_2_and_says_where(
     assert not (tmp_path / "fits.csv").exists()
 
 
+def test_contours_that_cannot_be_written_are_told_before_anything_is(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    points, out = write(tmp_path / "points.csv", {"a": touches(1)}), tmp_path / "fits.csv"
+    (tmp_path / "fits.profile.csv").mkdir()
+    assert cli.run(["fit", "revolution", str(points), "-o", str(out)]) == 2
+    assert "fits.profile.csv: cannot be written: it is a folder" in capsys.readouterr().err
+    assert not out.exists()
+
+
 def test_options_of_another_shape_are_refused(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["fit", "plane", "points.csv", "--taper", "--table-z", "0",
