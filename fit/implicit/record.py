@@ -13,6 +13,10 @@ Mean = Callable[[Float[np.ndarray, "row point 3"], Int[np.ndarray, " row"]],
 """Signed distances [m], negative inside, of the prior bodies of the fits of given numbers, each at
 its own points [m]."""
 
+FAR = 1e4
+"""Distance from the origin, in extents of a mesh, from which single precision rounds its vertices
+by a thousandth of it."""
+
 
 @dataclass(frozen=True)
 class ImplicitOptions:
@@ -131,15 +135,20 @@ class TriangleMesh:
         return float(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
     def as_ply(self) -> bytes:
-        """This mesh as a binary PLY file, in metres."""
+        """This mesh as a binary PLY file, in metres; in double precision where it lies so far from
+        the origin that single would deform it."""
+        reach = np.abs(self.vertices_m).max(initial=0.0)
+        middle = self.vertices_m.sum(axis=0) / max(len(self.vertices_m), 1)
+        extent = np.abs(self.vertices_m - middle).max(initial=0.0)
+        kind, word = ("<f8", "double") if reach > FAR * extent else ("<f4", "float")
         head = ("ply\nformat binary_little_endian 1.0\ncomment lengths in m\n"
                 f"element vertex {len(self.vertices_m)}\n"
-                "property float x\nproperty float y\nproperty float z\n"
+                f"property {word} x\nproperty {word} y\nproperty {word} z\n"
                 f"element face {len(self.faces)}\nproperty list uchar int vertex_indices\n"
                 "end_header\n")
         faces = np.empty(len(self.faces), [("count", "u1"), ("corner", "<i4", 3)])
         faces["count"], faces["corner"] = 3, self.faces
-        return head.encode() + self.vertices_m.astype("<f4").tobytes() + faces.tobytes()
+        return head.encode() + self.vertices_m.astype(kind).tobytes() + faces.tobytes()
 
 
 @dataclass(frozen=True)

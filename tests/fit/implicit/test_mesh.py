@@ -1,12 +1,14 @@
 """Zero sets of signed distances on a grid that is refined only where the surface may pass."""
 
 from io import BytesIO
+from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
 
 from fit.implicit.mesh import zero_set_meshes
+from fit.implicit.record import TriangleMesh
 from warpgrasp.objects.mesh_orientation import mesh_of, simple_mesh_distance
 
 CELLS = 32
@@ -70,6 +72,14 @@ def test_a_file_of_a_body_is_closed_for_whoever_joins_its_vertices(scale: float)
     wide, deep, tall = half[2]
     whole = 4 * wide * deep * (middle[2] + tall)
     assert meshes[2].volume_m3 == pytest.approx(whole, rel=0.01)  # edges are cut off
+
+
+@pytest.mark.parametrize("far_m", [0.4, 1e6])
+def test_a_mesh_far_from_the_origin_is_written_as_it_is(far_m: float) -> None:
+    ball = trimesh.creation.icosphere(subdivisions=3, radius=0.05)
+    mesh = TriangleMesh(ball.vertices + [far_m, 0.0, 0.0], ball.faces)
+    read: Any = trimesh.load(BytesIO(mesh.as_ply()), file_type="ply", process=False)
+    assert np.abs(read.vertices - mesh.vertices_m).max() < 1e-7
 
 
 def test_a_grid_has_a_multiple_of_four_cells() -> None:
