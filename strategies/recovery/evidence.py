@@ -139,7 +139,9 @@ def _slots(world: np.ndarray, worlds: int, slots: int
     number[order] = np.arange(len(world)) - np.repeat(count.cumsum() - count, count)
     share = slots / np.maximum(count, slots)[world]
     slot = np.floor(number * share).astype(int)
-    chosen = np.floor((number + 1) * share).astype(int) > slot
+    # All slots by the last row: a product that rounds to less would leave one empty.
+    last = number + 1 == count[world]
+    chosen = np.where(last, np.minimum(count, slots)[world], np.floor((number + 1) * share)) > slot
     return chosen, (world[chosen], slot[chosen])
 
 

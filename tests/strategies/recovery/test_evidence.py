@@ -74,7 +74,7 @@ def test_what_is_felt_of_the_table_is_no_evidence_of_the_body() -> None:
     assert found.mask.tolist() == [[False], [True]]
 
 
-@pytest.mark.parametrize("made", [1, 4, 5, 7, 23])
+@pytest.mark.parametrize("made", [1, 4, 5, 7, 23, 77])
 def test_as_many_touches_are_kept_as_there_are_slots_and_one_in_each(made: int) -> None:
     touch = line([ProbeStatus.CONTACT] * made)
     log = TouchLog(4)
