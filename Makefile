@@ -47,7 +47,8 @@ errors-docs: $(VENV)/.installed  ## every strategy with errors of calibration an
 	$(BIN)/python docs/measured.py
 
 models: $(VENV)/.installed  ## learn the models of the catalogue again, for recognition
-	$(BIN)/warpgrasp learn catalogue --unlisted 64 -o strategies/recognition/models.json
+	$(BIN)/warpgrasp learn catalogue --unlisted 64 --force \
+		-o strategies/recognition/models.json
 
 pictures: $(VENV)/.installed  ## the picture of the README: docs/images
 	$(BIN)/python docs/overview.py docs/images/overview.png

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sweeps.cli.app import UsageError, app, device_of
+from sweeps.cli.app import Force, UsageError, app, device_of, refuse_existing
 
 
 @app.command
@@ -13,7 +13,8 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
           out: Annotated[Path, Parameter(name=["--out", "-o"])], units: str | None = None,
           strategy: Annotated[list[str] | None, Parameter(negative="")] = None,
           episodes: int = 16, seed: int = 9001, unlisted: int = 0, extend: Path | None = None,
-          only: Annotated[bool, Parameter(negative="")] = False, device: str = "cpu") -> int:
+          only: Annotated[bool, Parameter(negative="")] = False, force: Force = False,
+          device: str = "cpu") -> int:
     """Learn models of objects by touch, for recognition: `[recognition] models` in a spec.
 
     Parameters
@@ -37,6 +38,8 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
         Add the objects to the models of this file; by default to those that ship.
     only
         Leave out the other objects of that file.
+    force
+        Overwrite an existing file; that of --extend may be extended in place.
     device
         cpu, or cuda:0.
     """
@@ -50,6 +53,8 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
             raise UsageError(f"{name}: is {value}; should be a whole number from {low} to {high}")
     if unlisted and (extend is not None or only):
         raise UsageError("--unlisted: learns everything anew; leave out --extend and --only")
+    if out.is_file() and (extend is None or out.resolve() != extend.resolve()):
+        refuse_existing(out, force)
     from sweeps.cli.explore import strategy_of_argument
     from sweeps.cli.tools.learn_objects import learn_objects
     from sweeps.episode.teaching import TEACHERS

@@ -42,6 +42,19 @@ def test_where_nothing_can_be_written_nothing_is_felt(
         assert "cannot be written" in capsys.readouterr().err
 
 
+def test_a_file_is_written_over_only_where_that_is_asked_for(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "spec.toml"
+    out.write_text("schema = 1\n")
+    monkeypatch.setattr("sweeps.cli.tools.learn_objects.learn_objects", lambda *_, **__: 0)
+    assert cli.run(["learn", "block", "-o", str(out)]) == 2
+    assert "spec.toml: exists already; choose another name, or use --force" in (
+        capsys.readouterr().err)
+    assert cli.run(["learn", "block", "-o", str(out), "--force"]) == 0
+    assert cli.run(["learn", "block", "--extend", str(out), "-o", str(out)]) == 0
+
+
 @pytest.mark.slow
 def test_an_object_learned_by_grasps_is_named_in_rows(
         tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
