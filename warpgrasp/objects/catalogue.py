@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache
-from math import radians
+from math import cos, radians, sin
 from pathlib import Path
 from typing import Any
 
@@ -223,11 +223,27 @@ def _superquadric_part(table: Mapping[str, Any]) -> Part:
     exponents = _numbers(table, "exponents", 2, 0.1, 2.0)
     taper = _numbers(table, "taper", 2, -1.0, 1.0, (0.0, 0.0))
     bend = _numbers(table, "bend_per_m", 1, 0.0, 100.0, (0.0,))
-    if bend[0] * max(size) >= 1.0:
-        raise BodyError(f"superquadric: bend_per_m = {bend[0]:g} folds the body over; "
-                        f"below {1 / max(size):.3g} is right")
     angle = radians(_numbers(table, "bend_deg", 1, -360.0, 360.0, (0.0,))[0])
+    widest = max(*size, _half_width(size, exponents, taper, angle))
+    if bend[0] * widest >= 1.0:
+        raise BodyError(f"superquadric: bend_per_m = {bend[0]:g} folds the body over; "
+                        f"below {1 / widest:.3g} is right")
     return Part(Shape.SUPERQUADRIC, superquadric=(*size, *exponents, *taper, *bend, angle))
+
+
+def _half_width(
+    size_m: tuple[float, ...], exponents: tuple[float, ...], taper: tuple[float, ...],
+    angle_rad: float
+) -> float:
+    """How far the widest tapered section reaches along a direction across the axis [m]: the norm
+    dual to that of which a section is the unit ball."""
+    up = np.linspace(-1.0, 1.0, 2001)
+    section = (1.0 - np.abs(up) ** (2.0 / exponents[0])) ** (exponents[0] / 2.0)
+    most = max(size_m)
+    along = [abs(way) * half / most * (1.0 + change * up) * section for way, half, change in zip(
+        (cos(angle_rad), sin(angle_rad)), size_m, taper, strict=False)]
+    power = 2.0 / (2.0 - min(exponents[1], 1.99))  # of rhombi it is that of the larger part
+    return most * float(np.linalg.norm(along, power, axis=0).max())
 
 
 _COMPOUND_KEYS: dict[str, tuple[Shape, dict[str, int]]] = {

@@ -43,6 +43,21 @@ def test_a_bend_does_not_fold_the_longest_side(size_mm: list[int]) -> None:
         body_from_table(folded, Path())
 
 
+def test_a_bend_does_not_fold_corners_of_a_tapered_side() -> None:
+    """The widest section, by sampling: its corner lies towards the middle of the bend."""
+    keys = {"size_mm": [30, 30, 30], "exponents": [0.2, 0.2], "taper": [1, 1], "bend_deg": 45}
+    up, turn = np.meshgrid(np.linspace(0, 1, 400), np.linspace(0, np.pi / 2, 400))
+    section = 0.03 * (1 + up) * (1 - up**10) ** 0.1
+    corner = (section * (np.cos(turn) ** 0.2 + np.sin(turn) ** 0.2) / np.sqrt(2)).max()
+    for share, folds in ((0.99, False), (1.01, True)):
+        body = {"name": "egg", "superquadric": {**keys, "bend_per_m": share / corner}}
+        if folds:
+            with pytest.raises(BodyError, match="folds the body over"):
+                body_from_table(body, Path())
+        else:
+            body_from_table(body, Path())
+
+
 def test_a_capsule_holds_its_round_ends() -> None:
     pill = {"shape": "capsule", "radius_mm": 40, "height_mm": 50}
     with pytest.raises(BodyError, match=r"compound\[0\]: capsule: height_mm = 50 .* 80 or more"):
