@@ -53,7 +53,10 @@ def learn(*what: Annotated[str, Parameter(name="OBJECT")],
             raise UsageError(f"{name}: is {value}; should be a whole number from {low} to {high}")
     if unlisted and (extend is not None or only):
         raise UsageError("--unlisted: learns everything anew; leave out --extend and --only")
-    if out.is_file() and (extend is None or out.resolve() != extend.resolve()):
+    from sweeps.result_file import check_result
+
+    check_result(out)
+    if extend is None or out.resolve() != extend.resolve():
         refuse_existing(out, force)
     from sweeps.cli.explore import strategy_of_argument
     from sweeps.cli.tools.learn_objects import learn_objects

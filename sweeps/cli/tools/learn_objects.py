@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import init_warp, note, quiet_stdout, say
-from sweeps.result_file import check_result, write_result
+from sweeps.result_file import write_result
 from sweeps.spec.errors import StoreError
 from sweeps.spec.objects import object_of_argument
 from sweeps.text_table import print_table
@@ -32,7 +32,6 @@ def learn_objects(
     `extend`, by default those that ship. One body under two names is refused. An object of which no
     body was recovered is left out, and the exit code says so.
     """
-    check_result(out)
     with quiet_stdout():
         init_warp()
         objects = _tables(what, units)

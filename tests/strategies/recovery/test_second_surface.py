@@ -43,7 +43,7 @@ def test_hardly_one_accepted_contact_lies_far_from_where_the_finger_touched(
     accepted, by_model, far = accepted_far(wedges)
     assert accepted.sum() > 500
     assert far[accepted].mean() <= 0.01
-    assert far[accepted | by_model].mean() > 0.01  # more than is allowed, with those left out
+    assert far[by_model].mean() > 3.0 * far[accepted].mean()  # those that are left out
     assert by_model.sum() < 0.35 * (accepted | by_model).sum()
 
 
