@@ -3,13 +3,14 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from warpgrasp.arms.serial_arm import joint_choices
+from warpgrasp.arms.serial_arm import arm_reach_m, joint_choices
 from warpgrasp.mechanism.arm import floating_joints, is_floating, serial_model
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.puma560 import puma_inverse_batch, puma_reachable_batch
 from warpgrasp.parameters import ArmTable, HandTable
 
 _FARTHEST_M = 1.2
+"""Of places that the PUMA 560 takes the hand to, from its base."""
 _LATTICE_M = 0.05
 _ON_LINE = 64
 _WITHIN_M = 1e-9
@@ -46,11 +47,12 @@ def nearest_reachable(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> 
     """
     if is_floating(arm):
         return _nearest_in_box(arm, hand, hand_pose)
-    low, high = np.array([-_FARTHEST_M, -_FARTHEST_M, 0.0]), np.full(3, _FARTHEST_M)
+    base, farthest = _base_and_reach(arm, hand)
+    low, high = np.maximum(base - farthest, [-np.inf, -np.inf, 0.0]), base + farthest
     apart = float(np.linalg.norm(hand_pose[:3] - np.clip(hand_pose[:3], low, high)))
     best, beyond, wide = None, 0.0, 2 * _LATTICE_M
-    while best is None and beyond < apart + 4 * _FARTHEST_M:  # the nearest first, mostly near by
-        near = _lattice(hand_pose[:3], beyond, apart + wide)
+    while best is None and beyond < apart + 4 * farthest:  # the nearest first, mostly near by
+        near = _lattice(hand_pose[:3], base, farthest, beyond, apart + wide)
         beyond, wide = apart + wide, 2 * wide
         poses = np.concatenate([near, np.tile(hand_pose[3:], (len(near), 1))], 1)
         reached = pose_reachable(arm, hand, poses)
@@ -77,10 +79,22 @@ def _nearest_in_box(arm: ArmTable, hand: HandTable, hand_pose: np.ndarray) -> np
     return np.concatenate([np.clip(hand_pose[:3], low, high), hand_pose[3:]])
 
 
-def _lattice(place: np.ndarray, beyond: float, within: float) -> np.ndarray:
-    """The places of the lattice so far from `place` (3,), the nearest first, (near, 3)."""
-    steps = np.arange(-_FARTHEST_M, _FARTHEST_M + _LATTICE_M / 2, _LATTICE_M)
-    along = [steps[np.abs(steps - middle) <= within] for middle in place]
+def _base_and_reach(arm: ArmTable, hand: HandTable) -> tuple[np.ndarray, float]:
+    """Where an arm stands [m], and how far from there it may take the hand at most [m]."""
+    model = serial_model(arm)
+    if model is None:
+        return np.zeros(3), _FARTHEST_M
+    return np.array(model.base_xyz_m), (
+        float(np.linalg.norm(model.joints[0].xyz_m)) + arm_reach_m(model) + hand.mount_length_m)
+
+
+def _lattice(place: np.ndarray, base: np.ndarray, farthest: float, beyond: float, within: float
+             ) -> np.ndarray:
+    """The places of the lattice about the base that are so far from `place` (3,), the nearest
+    first, (near, 3)."""
+    steps = np.arange(-farthest, farthest + _LATTICE_M / 2, _LATTICE_M)
+    along = [(at + steps)[np.abs(at + steps - middle) <= within]
+             for at, middle in zip(base, place, strict=True)]
     along[2] = along[2][along[2] >= 0.0]
     near = np.stack(np.meshgrid(*along), -1).reshape(-1, 3)
     far = np.linalg.norm(near - place, axis=1)

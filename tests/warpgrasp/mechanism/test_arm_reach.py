@@ -1,12 +1,15 @@
 """What a strategy may ask of the PUMA 560 before it moves: how long a way takes, how far it gets.
 """
 
+from dataclasses import replace
 from itertools import pairwise, product
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from warpgrasp.arms.arm_file import arm_named, arm_text
 from warpgrasp.mechanism.arm_motion_kernel import RETREAT_M
 from warpgrasp.mechanism.arm_reach import (
     hand_reachable,
@@ -69,3 +72,17 @@ def test_the_nearest_pose_is_reached_and_none_a_step_nearer(place: tuple[float, 
     nearer = found.copy()
     nearer[:3] += 0.01 * way / np.linalg.norm(way)
     assert not pose_reachable(ARM, HAND, nearer)
+
+
+def test_a_long_arm_is_asked_as_far_as_it_reaches(tmp_path: Path) -> None:
+    """Twice as long as a UR5e: places within 1.2 m of the base were searched."""
+    model = arm_named("ur5e")
+    twice = [replace(joint, xyz_m=tuple(2.0 * np.array(joint.xyz_m))) for joint in model.joints]
+    file = tmp_path / "long.toml"
+    file.write_text(arm_text(replace(model, joints=tuple(twice))))
+    arm = ArmTable(kind=str(file))
+    pose = np.array([2.0, 0.2, 0.5, *DOWN.as_quat()])
+    found = nearest_reachable(arm, HAND, pose)
+    assert found is not None
+    assert pose_reachable(arm, HAND, found)
+    assert np.hypot(*found[:2]) > 1.5
