@@ -144,7 +144,7 @@ def profile_from_csv(path: Path) -> np.ndarray:
             header_seen = True
             continue
         try:
-            z, r = (float(c) for c in cells)
+            z, r = (float(c.replace("_", "?")) for c in cells)  # float("1_0") is 10
         except ValueError:
             raise BodyError(f"{path}:{number}: {_short(line.strip())}: two numbers are "
                             "wanted") from None

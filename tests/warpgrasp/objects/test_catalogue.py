@@ -106,6 +106,7 @@ def test_the_limits_of_size_themselves(part: dict[str, Any]) -> None:
 
 @pytest.mark.parametrize(("rows", "says"), [
     ("0,40\nnan,40", ":3: z_mm nan: a number from"), ("0,40\n1e308,40", r":3: z_mm 1e\+308: "),
+    ("0,4_0\n90,40", ":2: '0,4_0': two numbers are wanted"),
     ("0,40\n90,nan", ":3: r_mm nan: a number from 0 to 1000"), ("0,-1\n90,40", ":2: r_mm -1: "),
     ("0,40\n40,40\n40,20", ":4: z_mm 40 after 40: z must rise; a step needs two heights, such as")])
 def test_profiles_name_the_number_that_is_wrong(tmp_path: Path, rows: str, says: str) -> None:
