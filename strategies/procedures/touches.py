@@ -34,7 +34,7 @@ class EndReason(IntEnum):
     """The finger came down to the table."""
     BLOCKED = 6
     """The hand was stopped several times running and no pad felt anything: something else of it may
-    have met the object."""
+    have met the object or the table."""
     UNREACHABLE = 7
     """The arm cannot go on within its reach and limits."""
     SPENT = 8
@@ -65,7 +65,7 @@ REASON_TEXT = {
                          "an axis whose length is not above 0",
     EndReason.UNREACHABLE: "the arm cannot reach there",
     EndReason.BLOCKED: "the hand was stopped, but no pad felt anything: are the pads dead, or does "
-                       "another part of the hand meet the object?",
+                       "another part of the hand meet the object or the table?",
     EndReason.END_OF_OBJECT: "a finger found nothing: the object ends here",
 }
 """The message for a user about an ending."""
