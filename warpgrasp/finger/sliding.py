@@ -58,9 +58,9 @@ class _Sideways:
     """How a place goes along the surface while a push keeps it out of it."""
 
     push: real
-    """That takes back all of the command's step into the surface, without friction."""
+    """Takes back all of the command's step into the surface, without friction [N]."""
     tilt: vec2
-    """How much less push it takes where a unit force along the surface helps."""
+    """How much less push it takes for each newton along the surface, both ways."""
     slides: vec2
     """Motion without friction [m]."""
     one: real
@@ -72,6 +72,7 @@ class _Sideways:
 
 @wp.func
 def _sideways(by_out: Any, by_one: Any, by_two: Any, way: Any, ease: Any):
+    """With arguments as `force_lean`: the part along the normal taken out (a Schur complement)."""
     side = _Sideways()
     yielding = wp.cw_mul(by_out, ease)
     one = wp.dot(by_one, wp.cw_mul(by_one, ease))

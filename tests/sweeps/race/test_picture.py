@@ -95,7 +95,7 @@ def test_one_rung_is_one() -> None:
 @pytest.mark.parametrize(("percent", "told"), [(57.0, "57 %"), (99.9, "99.9 %"),
                                                (99.99999, "99.99999 %")])
 def test_a_claim_is_not_more_certain_than_what_was_asked_for(percent: float, told: str) -> None:
-    """99.99999 was told as 100."""
+    """99.99999 was printed as 100."""
     found = replace(verdict(2, Rules(9.0)), rules=Rules(9.0, percent / 100.0))
     assert claim(found).endswith(f" 6 objects, {told}")
 

@@ -44,8 +44,8 @@ def test_one_episode_of_each_object_tells_nothing_of_these_objects() -> None:
 
 
 def test_outcomes_that_all_agree_in_a_pilot_do_not_tell_the_least_difference() -> None:
-    """0 was told. One entry is always right, as both were there, and the other misses that often.
-    """
+    """The difference was 0. One entry is always right, as both were there, and the other misses
+    that often."""
     objects, episodes = 6, 8
     spreads = Spreads(np.zeros((1, objects)), np.zeros(1), 2, chances=True)
     apart, like = told_apart(spreads, 2, objects, episodes)
