@@ -3,15 +3,16 @@
 Each known object is a population of shapes that were recovered of it before. A new shape x with
 covariance C belongs to it with the density of a multivariate Student t about the population's mean,
 with the scatter of the population plus C: the random effects model of meta-analysis (Hardy and
-Thompson 1996), with tails for recoveries that went wrong (Lange, Little and Taylor 1989). A broad
-population of unlisted objects is one more: "none of these" is an answer.
+Thompson 1996), with tails for recoveries that went wrong (Lange, Little and Taylor 1989). Unlisted
+objects are one more population: "none of these" is an answer. They are of several kinds, so that
+their density is a sum of kernels about those that were felt (Silverman 1986), beside a broad one.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
-from scipy.special import gammaln
+from jaxtyping import Float, Int
+from scipy.special import gammaln, logsumexp
 
 TAIL = 5.0
 """Degrees of freedom of the Student t [est]: one recovery in some twenty goes wrong."""
@@ -20,6 +21,19 @@ ROUNDS = 30
 PRIOR_COUNT = 6.0
 """Recoveries that the common scatter counts for in the scatter of one object [est]."""
 LEAST_VARIANCE = 1e-6
+KERNEL_WIDTH = 0.3
+"""Of a kernel about one unlisted object, as a share of their spread: between 0.15 and 0.5 answers
+are equally good, and their probabilities equally right."""
+BROAD_COUNT = 6.0
+"""Kernels that the broad density counts for: objects unlike all that were felt [est]."""
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Where the objects of a mixed population lie, and how far others like them lie about each."""
+
+    middles: Float[np.ndarray, "object number"]
+    scatter: Float[np.ndarray, "number number"]
 
 
 @dataclass(frozen=True)
@@ -30,6 +44,8 @@ class Population:
     scatter: Float[np.ndarray, "number number"]
     count: int
     """Recoveries that it was learned from."""
+    kernels: Kernels | None = None
+    """Of a population of unlike objects; its mean and scatter are then those of all together."""
 
 
 def population_of(
@@ -65,18 +81,45 @@ def population_of(
     return Population(mean, 0.5 * (scatter + scatter.T), count)
 
 
+def kernels_of(
+    shapes: Float[np.ndarray, "shape number"], objects: Int[np.ndarray, " shape"],
+    population: Population, common: Float[np.ndarray, "number number"] | None = None,
+) -> Kernels:
+    """Kernels about the objects that shapes were recovered of: the medians of each one's shapes.
+
+    `population` is that of all shapes, `common` the scatter of shapes of one object.
+    """
+    middles = np.array([np.median(shapes[objects == one], axis=0) for one in np.unique(objects)])
+    scatter = KERNEL_WIDTH**2 * population.scatter + (0.0 if common is None else common)
+    return Kernels(middles, scatter)
+
+
 def log_density(
     shapes: Float[np.ndarray, "shape number"],
     covariance: Float[np.ndarray, "shape number number"],
     population: Population,
 ) -> Float[np.ndarray, " shape"]:
     """Logarithm of the population's density at shapes measured with these covariances."""
+    broad = _log_student(shapes, covariance, population.mean[None],
+                         population.scatter * (1 + 1 / population.count))[:, 0]
+    kernels = population.kernels
+    if kernels is None:
+        return broad
+    count = len(kernels.middles)
+    near = logsumexp(_log_student(shapes, covariance, kernels.middles, kernels.scatter), axis=1)
+    return np.logaddexp(near, np.log(BROAD_COUNT) + broad) - np.log(count + BROAD_COUNT)
+
+
+def _log_student(shapes: np.ndarray, covariance: np.ndarray, means: np.ndarray,
+                 scatter: np.ndarray) -> np.ndarray:
+    """Log densities of Student t about several means, (shape, mean)."""
     width = shapes.shape[1]
-    scale = population.scatter * (1 + 1 / population.count) + covariance
-    away = shapes - population.mean
-    square = np.einsum("si,si->s", away, np.linalg.solve(scale, away[..., None])[..., 0])
+    scale = scatter + covariance
+    away = shapes[:, None] - means
+    square = (away * np.linalg.solve(scale, away.swapaxes(1, 2)).swapaxes(1, 2)).sum(2)
     return (gammaln((TAIL + width) / 2) - gammaln(TAIL / 2) - 0.5 * width * np.log(TAIL * np.pi)
-            - 0.5 * np.linalg.slogdet(scale)[1] - 0.5 * (TAIL + width) * np.log1p(square / TAIL))
+            - 0.5 * np.linalg.slogdet(scale)[1][:, None]
+            - 0.5 * (TAIL + width) * np.log1p(square / TAIL))
 
 
 def posterior(

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from fit.interpretation_tree import FaceModel
-from fit.match_parameters import Population
+from fit.match_parameters import Kernels, Population
 from strategies.recognition.descriptions import FACES, NUMBERS, WAYS
 from strategies.recognition.match_faces import closed_model
 from warpgrasp.objects.catalogue_names import NO_ANSWER, NONE_OF_THESE
@@ -137,15 +137,27 @@ def _object_of(name: str, entry: Mapping[str, Any]) -> KnownObject:
 
 def _population_of(way: str, entry: Mapping[str, Any]) -> Population:
     width = len(NUMBERS[way])
-    mean, rows = np.array(entry["mean"], float), entry["scatter"]
+    mean, scatter = np.array(entry["mean"], float), _scatter_of(way, entry)
+    if mean.shape != (width,) or not np.isfinite(mean).all():
+        raise ValueError(f"{way}: wants {width} numbers")
+    kernels = None
+    if "kernels" in entry:
+        middles = np.array(entry["kernels"]["middles"], float)
+        if middles.shape[1:] != (width,) or not (len(middles) and np.isfinite(middles).all()):
+            raise ValueError(f"{way}: wants {width} numbers of every kernel")
+        kernels = Kernels(middles, _scatter_of(way, entry["kernels"]))
+    return Population(mean, scatter, max(int(entry["count"]), 1), kernels)
+
+
+def _scatter_of(way: str, entry: Mapping[str, Any]) -> np.ndarray:
+    width, rows = len(NUMBERS[way]), entry["scatter"]
     scatter = np.zeros((width, width))
     for k, row in enumerate(rows):
         scatter[k, : k + 1] = scatter[: k + 1, k] = row
-    if mean.shape != (width,) or len(rows) != width or not (
-            np.isfinite(mean).all() and np.isfinite(scatter).all()):
-        raise ValueError(f"{way}: wants {width} numbers and {width} rows of their scatter")
+    if len(rows) != width or not np.isfinite(scatter).all():
+        raise ValueError(f"{way}: wants {width} rows of their scatter")
     np.linalg.cholesky(scatter)  # a scatter is positive definite
-    return Population(mean, scatter, max(int(entry["count"]), 1))
+    return scatter
 
 
 def models_text(models: KnownModels) -> str:
@@ -166,14 +178,21 @@ def _entry_of(known: KnownObject) -> dict[str, Any]:
     for way, population in known.populations.items():
         entry[way] = {
             "count": population.count, "mean": [_rounded(v) for v in population.mean],
-            "scatter": [[_rounded(v) for v in row[: k + 1]]
-                        for k, row in enumerate(population.scatter)]}
+            "scatter": _triangle(population.scatter)}
+        if population.kernels is not None:
+            entry[way]["kernels"] = {
+                "scatter": _triangle(population.kernels.scatter),
+                "middles": [[_rounded(v) for v in row] for row in population.kernels.middles]}
     if known.faces is not None:
         entry[FACES] = {"normals": [[round(float(v), DIGITS) for v in row]
                                     for row in known.faces.normals],
                         "offsets_m": [_rounded(v) for v in known.faces.offset_m],
                         "std_m": _rounded(known.faces.std_m)}
     return entry
+
+
+def _triangle(scatter: np.ndarray) -> list[list[float]]:
+    return [[_rounded(v) for v in row[: k + 1]] for k, row in enumerate(scatter)]
 
 
 def _rounded(value: float) -> float:

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from fit.interpretation_tree import FaceModel, Interpretation
-from fit.match_parameters import Population, population_of, posterior
+from fit.match_parameters import Population, kernels_of, population_of, posterior
 from strategies.recognition.answers import log_densities
 from strategies.recognition.descriptions import (
     FACES,
@@ -38,6 +38,8 @@ TEMPERATURES = np.geomspace(1.0, 10.0, 25)
 """Among which the likeliest is taken; below one nothing would be gained but overconfidence."""
 NONE_PRIOR = 0.2
 """Share of unlisted objects by which temperatures are judged."""
+FOLDS = 8
+"""Parts of the episodes, each recognized by models of the others, which tells the temperatures."""
 
 
 @dataclass(frozen=True)
@@ -46,17 +48,24 @@ class Lesson:
 
     names: np.ndarray
     """str (world,)."""
+    bodies: np.ndarray
+    """Number of the object, int (world,), which tells unlisted ones apart."""
     found: Mapping[str, Described]
     """By way."""
 
     def part(self, kept: np.ndarray) -> "Lesson":
         """The worlds `kept`, bool (world,); the others count as not tried."""
-        return Lesson(self.names, {way: found.part(kept) for way, found in self.found.items()})
+        return replace(self, found={way: found.part(kept) for way, found in self.found.items()})
 
 
-def lesson_of(belief: Belief, recovered: Recovered, names: np.ndarray) -> Lesson:
-    """What a batch of episodes teaches of the objects that stood in its worlds, str (world,)."""
-    return Lesson(names, {way: described(belief, recovered, way) for way in WAYS})
+def lesson_of(belief: Belief, recovered: Recovered, names: np.ndarray,
+              bodies: np.ndarray | None = None) -> Lesson:
+    """What a batch of episodes teaches of the objects that stood in its worlds, str (world,).
+
+    `bodies` are their numbers, int (world,); by default each world has another one.
+    """
+    each = np.arange(len(names)) if bodies is None else bodies
+    return Lesson(names, each, {way: described(belief, recovered, way) for way in WAYS})
 
 
 def taught(lessons: Sequence[Lesson], contents: Mapping[str, str]) -> dict[str, str]:
@@ -71,19 +80,21 @@ def learn_models(
 ) -> KnownModels:
     """Models of all objects that the lessons name, and of the unlisted ones.
 
-    Every other pair of episodes makes models by which the rest are recognized, which tells the
-    temperatures; then all make the models. `contents` has the hash of each named object's geometry.
+    Each eighth of the episodes is recognized by models of the others, which tells the temperatures;
+    then all make the models. `contents` has the hash of each named object's geometry.
     Raises ValueError where nothing is unlisted or nothing named.
     """
     if not contents or not any((lesson.names == UNLISTED).any() for lesson in lessons):
         raise ValueError("lessons: should name objects, and hold unlisted ones beside them")
-    # In pairs, so that both episodes with an unlisted object are on one side.
-    first, second = ([lesson.part(np.arange(len(lesson.names)) // 2 % 2 == k)
-                      for lesson in lessons] for k in (0, 1))
-    plain: dict[str, float] = dict.fromkeys(WAYS, 1.0)
-    trial = _models(first, taught(first, contents), plain, made_by)
-    return _models(lessons, contents, {way: _temperature(trial, second, way) for way in WAYS},
-                   made_by)
+    alike: dict[str, float] = dict.fromkeys(WAYS, 1.0)
+    trials = []
+    for fold in range(FOLDS):
+        # In pairs, so that both episodes with an unlisted object are on one side.
+        asked = [np.arange(len(lesson.names)) // 2 % FOLDS == fold for lesson in lessons]
+        rest, part = ([lesson.part(kept == side) for lesson, kept in zip(lessons, asked,
+                       strict=True)] for side in (False, True))
+        trials.append((_models(rest, taught(rest, contents), alike, made_by), part))
+    return _models(lessons, contents, {way: _temperature(trials, way) for way in WAYS}, made_by)
 
 
 def add_objects(
@@ -105,11 +116,26 @@ def _models(lessons: Sequence[Lesson], contents: Mapping[str, str],
     common = {way: _mean_scatter(alone, way) for way in NUMBERS}
     objects = tuple(_object(name, lessons, common, content)
                     for name, content in contents.items())
-    unlisted = _object(UNLISTED, lessons, {})
+    unlisted = _unlisted(lessons, common)
     missing = [way for way in NUMBERS if way not in unlisted.populations]
     if missing:
         raise ValueError(f"lessons: too few unlisted objects were told by {', '.join(missing)}")
     return KnownModels(objects, unlisted, temperature, made_by)
+
+
+def _unlisted(
+    lessons: Sequence[Lesson], common: Mapping[str, np.ndarray | None]
+) -> KnownObject:
+    """What the lessons tell of unlisted objects, which are of several kinds."""
+    together, kinds = _object(UNLISTED, lessons, {}), {}
+    for way, population in together.populations.items():
+        found = [lesson.found[way].part(lesson.names == UNLISTED) for lesson in lessons]
+        shapes = np.concatenate([part.numbers for part in found])
+        bodies = np.concatenate([lesson.bodies[part.rows]
+                                 for lesson, part in zip(lessons, found, strict=True)])
+        kinds[way] = replace(
+            population, kernels=kernels_of(shapes, bodies, population, common.get(way)))
+    return replace(together, populations=kinds)
 
 
 def _mean_scatter(objects: Sequence[KnownObject], way: str) -> np.ndarray | None:
@@ -194,23 +220,25 @@ def _averaged(
     return normals, offset, max(float(np.sqrt(square / free)), LEAST_STD_M)
 
 
-def _temperature(models: KnownModels, lessons: Sequence[Lesson], way: str) -> float:
-    """The temperature under which the lessons' names are likeliest."""
-    log, truth = [], []
-    for lesson in lessons:
+def _temperature(trials: Sequence[tuple[KnownModels, Sequence[Lesson]]], way: str) -> float:
+    """The temperature under which the names in lessons that models were not learned from are
+    likeliest."""
+    right, unlisted = [], []
+    for models, lessons in trials:
         listed = [*models.names, UNLISTED]
-        # Not objects that no body was recovered of in the episodes that made the models.
-        found = lesson.found[way].part(np.isin(lesson.names.astype(str), listed))
-        log.append(log_densities(found, models, way))
-        truth += [listed.index(str(name)) for name in lesson.names[found.rows]]
-    values, right = np.concatenate(log), np.array(truth, int)
-    if len(right) == 0:
+        for lesson in lessons:
+            # Not objects that no body was recovered of in the episodes that made the models.
+            found = lesson.found[way].part(np.isin(lesson.names.astype(str), listed))
+            truth = np.array([listed.index(str(name)) for name in lesson.names[found.rows]], int)
+            log = log_densities(found, models, way)
+            right.append([posterior(log, none_prior=NONE_PRIOR, temperature=t)[
+                np.arange(len(truth)), truth] for t in TEMPERATURES])
+            unlisted.append(truth == len(models.names))
+    share, none = np.concatenate(right, axis=1), np.concatenate(unlisted)
+    if len(none) == 0:
         return 1.0
-    unlisted = right == len(models.names)
     # As many unlisted ones as the prior says.
-    weight = np.where(unlisted, NONE_PRIOR / max(unlisted.sum(), 1),
-                      (1 - NONE_PRIOR) / max((~unlisted).sum(), 1))
-    rows = np.arange(len(right))
-    loss = [-(weight * np.log(posterior(values, none_prior=NONE_PRIOR, temperature=t)[rows, right]
-                              + 1e-12)).sum() for t in TEMPERATURES]
+    weight = np.where(none, NONE_PRIOR / max(none.sum(), 1),
+                      (1 - NONE_PRIOR) / max((~none).sum(), 1))
+    loss = -(weight * np.log(share + 1e-12)).sum(1)
     return float(TEMPERATURES[int(np.argmin(loss))])

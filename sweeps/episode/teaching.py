@@ -56,7 +56,8 @@ def teach(
         block = run_parts([(cell, np.arange(episodes)) for cell in cells], bodies, device)
         names = np.repeat(np.array([cell.object_name if listed else UNLISTED for cell in cells],
                                    object), episodes)
-        yield strategy, lesson_of(block.exploration.belief, block.recovered, names)
+        numbers = np.repeat(np.arange(len(cells)), episodes)
+        yield strategy, lesson_of(block.exploration.belief, block.recovered, names, numbers)
 
 
 def contents_of(objects: Mapping[str, Mapping[str, Any]]) -> dict[str, str]:

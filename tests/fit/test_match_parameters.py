@@ -8,7 +8,15 @@ from scipy import stats
 
 from fit.interpretation_tree import NULL, FaceModel, interpret_sets, model_of_planes
 from fit.interpretation_tree import interpret as interpretations
-from fit.match_parameters import TAIL, Population, log_density, population_of, posterior
+from fit.match_parameters import (
+    BROAD_COUNT,
+    TAIL,
+    Population,
+    kernels_of,
+    log_density,
+    population_of,
+    posterior,
+)
 from fit.polyhedron import polyhedron_faces
 from fit.rotation import matrix_of_quaternion
 
@@ -52,6 +60,22 @@ def test_densities_are_those_of_scipys_student_t() -> None:
     covariance = np.tile(0.3 * np.eye(WIDTH), (5, 1, 1))
     expected = stats.multivariate_t(one.mean, one.scatter * 9 / 8 + covariance[0], df=TAIL)
     assert np.allclose(log_density(shapes, covariance, one), expected.logpdf(shapes))
+
+
+def test_unlike_objects_are_a_sum_of_kernels_beside_a_broad_density() -> None:
+    rng = np.random.default_rng(2)
+    bodies = np.repeat([4, 1, 9], 5)
+    shapes = 10.0 * bodies[:, None] + 0.1 * rng.normal(size=(15, WIDTH))
+    broad = population_of(shapes, np.zeros((15, WIDTH, WIDTH)))
+    kernels = kernels_of(shapes, bodies, broad, common=np.eye(WIDTH))
+    assert np.allclose(sorted(kernels.middles.tolist()), 10.0 * np.array([[1], [4], [9]]), atol=0.3)
+    mixed = Population(broad.mean, broad.scatter, broad.count, kernels)
+    covariance = np.tile(0.3 * np.eye(WIDTH), (15, 1, 1))
+    density = BROAD_COUNT * np.exp(log_density(shapes, covariance, broad))
+    for middle in kernels.middles:
+        one = stats.multivariate_t(middle, kernels.scatter + covariance[0], df=TAIL)
+        density += one.pdf(shapes)
+    assert np.allclose(np.exp(log_density(shapes, covariance, mixed)), density / (3 + BROAD_COUNT))
 
 
 def test_probabilities_are_bayes_rule_and_temperature_flattens_them() -> None:

@@ -236,6 +236,8 @@ def test_a_scatter_that_is_no_number_is_refused(known: KnownModels, tmp_path: Pa
     (lambda file: file["objects"]["can"]["found"].update(parameters=-1), "can: found should be"),
     (lambda file: file["objects"].update({NONE: file["objects"]["can"]}), "is no name of one"),
     (lambda file: file["unlisted"].pop(PROFILE), "unlisted: wants profile and parameters"),
+    (lambda file: file["unlisted"][PARAMETERS]["kernels"]["middles"][0].pop(), "inhomogeneous"),
+    (lambda file: file["unlisted"][PARAMETERS]["kernels"]["middles"].clear(), "of every kernel"),
     (lambda file: file["numbers"][PARAMETERS].reverse(), "numbers: are others")])
 def test_models_that_would_fail_or_mislead_later_are_refused(
         known: KnownModels, tmp_path: Path, change: Any, message: str) -> None:
@@ -264,3 +266,5 @@ def test_the_models_that_ship_are_of_the_catalogue() -> None:
     assert shipped.made_by
     assert all(one.tried[way] > 0 for one in shipped.objects for way in WAYS)
     assert {one.name for one in shipped.objects if one.faces} == {"block", "wedge"}
+    of_unlisted = shipped.unlisted.populations[PARAMETERS].kernels
+    assert of_unlisted is not None and len(of_unlisted.middles) == 64  # an object each
