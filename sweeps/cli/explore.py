@@ -190,8 +190,7 @@ def _check_place(name: str, value: float) -> None:
 
 def _check_apart(arm: "ArmTable", x_m: float, y_m: float) -> None:
     """Raises UsageError for a place where the arm stands."""
-    from sweeps.spec.checks import in_column
-    from warpgrasp.parameters import ObjectTable
+    from warpgrasp.arms.arm_column import in_column
 
-    if wrong := in_column({"arm": arm, "object": ObjectTable(x_m=x_m, y_m=y_m)}):
+    if wrong := in_column(arm.kind, x_m, y_m):
         raise UsageError(f"--x-m {x_m:g} --y-m {y_m:g}: {wrong}")

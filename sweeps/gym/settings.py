@@ -9,12 +9,12 @@ from strategies.ready_made import STRATEGIES
 from strategies.reconstruct.plug_in_name import BUILT_IN
 from sweeps.episode.episodes import cell_body
 from sweeps.spec.cell import SECTIONS, Cell
-from sweeps.spec.checks import in_column
 from sweeps.spec.errors import Problems, choose, short
 from sweeps.spec.hands import read_hand
 from sweeps.spec.named_files import read_arm, with_models
 from sweeps.spec.objects import read_objects
 from sweeps.spec.units import read_table
+from warpgrasp.arms.arm_column import in_column
 from warpgrasp.geometry.body import Body
 
 
@@ -58,7 +58,8 @@ def read_settings(objects: Any, tables: Mapping[str, Any] | None) -> Settings:
         problems.add(("settings", "fit", "reconstruct"), "is applied after an episode, which "
                      f"an environment does not do; should be {BUILT_IN[0]}")
     read["recognition"] = with_models(read["recognition"], Path.cwd(), problems)
-    if not problems.found and (wrong := in_column(read)):
+    if not problems.found and (wrong := in_column(
+            read["arm"].kind, read["object"].x_m, read["object"].y_m)):
         problems.add(("settings", "object"), wrong)
     if problems.found:
         raise ValueError("\n".join(f"{p.key}: {p.what}" for p in problems.found))

@@ -23,7 +23,7 @@ from sweeps.spec.cell import SECTIONS, TABLES, Cell
 from sweeps.spec.search import canonical_search, search_of
 from sweeps.spec.study import ARM_KEY, FILE_KEYS, HAND_KEY, Axis, Body, Study, StudyTable
 
-RESULTS_SCHEMA = 53  # raise when rows change their meaning: older units are then computed again
+RESULTS_SCHEMA = 54  # raise when rows change their meaning: older units are then computed again
 BLOCK = 64  # episodes of a unit; rows do not depend on it
 TOGETHER = 8  # units of a cell before the next cell's turn: as many as one call takes
 WIDEST = 100  # characters that are shown of a value

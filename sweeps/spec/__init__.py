@@ -4,8 +4,7 @@ import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "cell": ["CONTACTS", "Cell", "ENDED", "SECTIONS", "TABLES", "batch_key", "own_code"],
-    "checks": ["arms_of", "closes_fingers", "feels_with_pads", "in_column", "swept_points",
-        "told_of"],
+    "checks": ["arms_of", "closes_fingers", "feels_with_pads", "swept_points", "told_of"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
     "hands": ["TORQUES", "hands_of", "misfit_of", "read_hand", "sense_of"],

@@ -6,8 +6,7 @@ Lower limits lie below upper ones, pads fit their links, keys say something of t
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from itertools import product
-from math import degrees, hypot
-from pathlib import Path
+from math import degrees
 from typing import Any
 
 import numpy as np
@@ -16,10 +15,9 @@ from sweeps.spec.cell import APART, SECTIONS
 from sweeps.spec.errors import KeyPath, Problems
 from sweeps.spec.study import ARM_KEY, SEEN, SHIPPED, Axis, Study
 from sweeps.spec.units import spec_fields
+from warpgrasp.arms.arm_column import in_column
 from warpgrasp.parameters import (
-    ARM_COLUMN_M,
     FLOATING,
-    OBJECT_REACH_M,
     PUMA560,
     UTAH_MIT,
     ArmTable,
@@ -127,7 +125,6 @@ PROCEDURES = {"planar", "contour", "decide"}
 _DECIDING = ("strategy.order", "object.prior", "contour.axis", "errors.scale")
 """Keys that decide of which tables others are read."""
 PLACE_KEYS = ("object.x_mm", "object.y_mm")
-_STANDS_BELOW_M = 0.5  # height of its base from which an arm hangs above objects [est]
 JOINT_FIELDS = ("d_m", "a_m", "limit_low_rad", "limit_high_rad", "speed_rad_s")
 """Fields of `ArmTable` that say something of the PUMA 560 alone."""
 WRIST_FIELDS = ("box_low_m", "box_high_m", "wrist_speed_m_s", "wrist_turn_rad_s")
@@ -367,31 +364,9 @@ def check_places(study: Study, problems: Problems) -> None:
     """Notes the first setting under which the object stands where the arm does, as when metres are
     written for millimetres. Arms that a search proposes are not asked."""
     if not study.searches(ARM_KEY):
-        note_misfit(study, (*PLACE_KEYS, ARM_KEY), in_column, ("object",), problems)
-
-
-def in_column(tables: Mapping[str, Any]) -> str:
-    """Why the object cannot stand there; empty where it can. A floating wrist has no column."""
-    arm, place = tables["arm"].kind, tables["object"]
-    if arm == FLOATING:
-        return ""
-    x_m, y_m = 0.0, 0.0
-    if arm != PUMA560:
-        from warpgrasp.arms.arm_file import arm_from_file, arm_named
-
-        model = arm_from_file(Path(arm)) if arm.endswith(".toml") else arm_named(arm)
-        x_m, y_m, z_m = model.base_xyz_m
-        if z_m > _STANDS_BELOW_M:
-            return ""
-    if hypot(place.x_m - x_m, place.y_m - y_m) >= ARM_COLUMN_M:
-        return ""
-    meant = 1e3 * max(abs(place.x_m), abs(place.y_m))  # [m], where metres were written
-    guess = (f"; lengths are in mm: did you mean x_mm = {1e6 * place.x_m:g}, y_mm = "
-             f"{1e6 * place.y_m:g}?" if ARM_COLUMN_M <= meant <= OBJECT_REACH_M else "")
-    return (f"x_mm = {1e3 * place.x_m:g}, y_mm = {1e3 * place.y_m:g} is where the arm itself "
-            f"stands; should be {1e3 * ARM_COLUMN_M:g} mm or more from x_mm = {1e3 * x_m:g}, "
-            f"y_mm = {1e3 * y_m:g}{guess}")
-
+        note_misfit(study, (*PLACE_KEYS, ARM_KEY), lambda tables: in_column(
+            tables["arm"].kind, tables["object"].x_m, tables["object"].y_m),
+            ("object",), problems)
 
 def arms_of(study: Study) -> set[str]:
     """Every arm that a study runs with."""

@@ -4,6 +4,7 @@ kinematics in kernels."""
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
+    "arm_column": ["in_column"],
     "arm_file": ["SHIPPED_ARMS", "arm_from_file", "arm_named", "arm_text"],
     "arm_model": ["ARM_JOINTS", "ArmError", "ArmJoint", "ArmModel"],
     "serial_arm": ["arm_reach_m", "flange_poses", "joint_choices", "nearest_joints", "padded",

@@ -267,4 +267,5 @@ def test_the_models_that_ship_are_of_the_catalogue() -> None:
     assert all(one.tried[way] > 0 for one in shipped.objects for way in WAYS)
     assert {one.name for one in shipped.objects if one.faces} == {"block", "wedge"}
     of_unlisted = shipped.unlisted.populations[PARAMETERS].kernels
-    assert of_unlisted is not None and len(of_unlisted.middles) == 64  # an object each
+    assert of_unlisted is not None
+    assert len(of_unlisted.middles) == 64  # an object each
