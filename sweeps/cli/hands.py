@@ -129,10 +129,12 @@ def _by_trial(first: "HandModel", *, framed: bool) -> tuple["HandModel", tuple[s
                 others.append(check_hand(other))
     if not others:
         return first, ()
-    note(f"compares {len(others) + 1} guesses by episodes, a minute or two (--no-trials: none)")
     init_warp()
-    from sweeps.cli.tools.hand_trials import best_guess
+    from sweeps.cli.tools.hand_trials import best_guess, trial_misfit
 
+    if wrong := trial_misfit(first):
+        return first, (f"guesses of thumb and grasp frame are not tried by episodes: {wrong}",)
+    note(f"compares {len(others) + 1} guesses by episodes, a minute or two (--no-trials: none)")
     best, trial, before = best_guess(first, others)
     said = (f"the first is kept: mean error {before.chamfer_mm:.1f} mm" if best == first else
             f"the best has a mean error of {trial.chamfer_mm:.1f} mm, the first of "

@@ -31,7 +31,9 @@ def in_column(arm: str, x_m: float, y_m: float) -> str:
             return ""
     if hypot(x_m - at_x_m, y_m - at_y_m) >= ARM_COLUMN_M:
         return ""
-    meant = 1e3 * max(abs(x_m), abs(y_m))  # [m], where metres were written
+
+    # Metres that were written as millimetres lie that near, too.
+    meant = 1e3 * max(abs(x_m), abs(y_m))
     guess = (f"; lengths are in mm: did you mean x_mm = {1e6 * x_m:g}, y_mm = {1e6 * y_m:g}?"
              if ARM_COLUMN_M <= meant <= OBJECT_REACH_M else "")
     return (f"x_mm = {1e3 * x_m:g}, y_mm = {1e3 * y_m:g} is where the arm itself stands; should be "

@@ -7,7 +7,7 @@ best few by how near the recovered bodies are. Every guess has the same episodes
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,9 +17,12 @@ from strategies.ready_made import STRATEGIES
 from sweeps.episode.episodes import run_cells
 from sweeps.spec.cell import Cell
 from sweeps.spec.objects import object_of_argument
+from warpgrasp.chain.chain_hand import chain_of
+from warpgrasp.chain_closing.chain_path import closing_misfit
+from warpgrasp.hands.hand_checks import MOST_MEETING
 from warpgrasp.hands.hand_model import HandModel
 from warpgrasp.hands.hand_writer import hand_text
-from warpgrasp.parameters import FLOATING, ArmTable, HandTable
+from warpgrasp.parameters import FLOATING, ArmTable, ContactTable, HandTable
 
 SEQUENCES = ("ring6", "rim6-ring12")
 FIRST_BODIES, FIRST_EPISODES = ("block", "wine_bottle", "hammer-1"), 2
@@ -41,6 +44,16 @@ class Trial:
     """Geometric mean."""
 
 
+def trial_misfit(hand: HandModel) -> str:
+    """Why no guess of a hand can be tried; empty where they can."""
+    return closing_misfit(chain_of(hand), HandTable(), _contact(hand))
+
+
+def _contact(hand: HandModel) -> ContactTable:
+    """The default, but fingers that are too many to meet pass through one another."""
+    return replace(ContactTable(), self_contact=len(hand.fingers) <= MOST_MEETING)
+
+
 def best_guess(first: HandModel, others: Sequence[HandModel]) -> tuple[HandModel, Trial, Trial]:
     """The best of some guesses of a hand; its last trial, and that of the first guess."""
     touched = [tried(hand, FIRST_BODIES, FIRST_EPISODES).touched for hand in others]
@@ -60,7 +73,8 @@ def tried(hand: HandModel, bodies: Sequence[str], episodes: int) -> Trial:
         file.write_text(hand_text(hand))
         for name in SEQUENCES:
             cells = [Cell(STRATEGIES[name], object_of_argument(body, None), body,
-                          arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)))
+                          arm=ArmTable(kind=FLOATING), hand=HandTable(kind=str(file)),
+                          contact=_contact(hand))
                      for body in bodies]
             for rows in run_cells([(cell, np.arange(episodes)) for cell in cells], "cpu"):
                 touched.append(np.nan_to_num(rows["touched10mm"]).mean())

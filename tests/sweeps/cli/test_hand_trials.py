@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from sweeps.cli import main as cli
+from sweeps.cli.hands import _by_trial
 from sweeps.cli.tools import hand_trials
-from sweeps.cli.tools.hand_trials import BETTER, FEW, Trial, best_guess, tried
+from sweeps.cli.tools.hand_trials import BETTER, FEW, Trial, best_guess, trial_misfit, tried
 from warpgrasp.hands.hand_file import hand_from_file, hand_named
 from warpgrasp.hands.hand_model import HandModel, Posture
 
@@ -104,3 +105,13 @@ def test_a_guess_without_a_score_is_never_the_best(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(hand_trials, "run_cells", rows)
     assert best_guess(named("0"), [named("1")])[0].name == "0"
     assert tried(named("1"), ("block",), 2) == Trial(0.0, np.inf)
+
+
+def test_a_hand_that_cannot_close_is_not_tried_and_six_fingers_pass_one_another() -> None:
+    finger = HAND.fingers[0]
+    six = replace(HAND, thumb="", fingers=tuple(replace(finger, name=str(n)) for n in range(6)))
+    assert trial_misfit(six) == trial_misfit(HAND) == ""
+    soft = replace(finger, joints=tuple(replace(j, stiffness_Nm_rad=1e-3) for j in finger.joints))
+    sagging = replace(HAND, fingers=(soft, *HAND.fingers[1:]))
+    assert "sags by its own weight" in trial_misfit(sagging)
+    assert _by_trial(sagging, framed=False)[0] == sagging
