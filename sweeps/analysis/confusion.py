@@ -50,13 +50,13 @@ def read_confusion(plan: Plan, stores: Sequence[Store]) -> Confusion:
                 continue
             seen = True
             for entry, rows in zip(entries, block.rows, strict=True):
+                key = entry.label, body.name
+                right.setdefault(key, []).extend(values_of(rows, "recognized"))
                 if not asked_to_recognize(rows):
                     continue
-                key = entry.label, body.name
                 asked += [] if entry.label in asked else [entry.label]
                 answers = rows.get("recognized_as", [""] * block.count)
                 counts.setdefault(key, Counter()).update(map(str, answers))
-                right.setdefault(key, []).extend(values_of(rows, "recognized"))
         objects += [body.name] if seen else []
     counts = {key: _named(count) for key, count in counts.items()}
     given = {name for count in counts.values() for name in count}

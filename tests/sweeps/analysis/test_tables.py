@@ -7,7 +7,14 @@ from typing import Any
 
 import numpy as np
 import pytest
-from curved_episodes import SWEPT, table_rows, unfinished_study, wide_study, wide_text
+from curved_episodes import (
+    SWEPT,
+    table_rows,
+    unfinished_study,
+    wide_study,
+    wide_text,
+    written,
+)
 from fake_episodes import cell_by_cell
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -34,7 +41,7 @@ from sweeps.analysis.pareto import COST, dominating, find_front, pareto_table
 from sweeps.analysis.settings import effects, read_settings, settings_table
 from sweeps.analysis.tables import KINDS, Asked
 from sweeps.cli import main as cli
-from sweeps.run.plan import Plan
+from sweeps.run.plan import Plan, Unit
 from sweeps.run.store import Store
 from sweeps.run.unit_file import write_files
 
@@ -141,6 +148,17 @@ def test_confusion_is_of_the_blocks_that_every_entry_has(tmp_path: Path) -> None
     for row in table_rows(make_leaderboard(plan, [store]))[:2]:
         assert found.recognized[row["strategy"]] == pytest.approx(
             float(row["recognized"]), abs=5e-5)
+
+
+def test_an_entry_that_names_some_objects_only_has_the_leaderboards_share(tmp_path: Path) -> None:
+    def rows(unit: Unit) -> dict[str, Any]:
+        asked = unit.cell.object_name == "block"
+        return {"chamfer_mm": np.arange(8.0)} | ({"recognized": np.arange(8) < 6} if asked else {})
+
+    plan, store = written(tmp_path, 2, rows)
+    found = read_confusion(plan, [store])
+    for row in table_rows(make_leaderboard(plan, [store])):
+        assert found.recognized[row["strategy"]] == float(row["recognized"]) == 0.375
 
 
 def test_levels_of_a_factor_keep_to_the_scores_range(tmp_path: Path) -> None:
