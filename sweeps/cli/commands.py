@@ -258,7 +258,8 @@ def sensitivity(
              "# Each constant over its bracket", "",
              *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
-    print_table(HEADER, rows, as_json)
+    shown = [[cell.removeprefix("+") for cell in row] for row in rows] if as_json else rows
+    print_table(HEADER, shown, as_json)  # JSON has no number with a plus
     for line in notes:
         note(line)
     return code

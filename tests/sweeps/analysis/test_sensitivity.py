@@ -183,6 +183,7 @@ def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, mo
     printed = capsys.readouterr()
     row = json.loads(printed.out)[1]
     assert (row["constant"], row["value"]) == ("sensors.contact_estimator", "fingertip")
+    assert isinstance(row["mean_change_mm"], float)
     assert "2 objects x 40 episodes" in printed.err
 
 
