@@ -21,7 +21,7 @@ from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.toml_reader import read_content
 from sweeps.text_table import finite_or_none, json_record, print_json, print_table
-from warpgrasp.core.plain_text import on_one_line
+from warpgrasp.core.plain_text import counted, on_one_line
 
 SHOWN = 20
 """Rows that are printed; `race.csv` has them all."""
@@ -71,7 +71,8 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
         note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
              f"more {'of them' if spent == 'objects' else 'of it'} may tell")
     if outcome.failed:
-        say(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
+        say(f"{counted(outcome.failed, 'unit')} failed, counted as the worst; see "
+            f"{store.logs}/*.failed.log")
     return int(bool(outcome.failed or outcome.lost))
 
 

@@ -24,6 +24,7 @@ from sweeps.run.plan import Plan, Unit, digest, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.search import Search, with_points
 from sweeps.text_table import TextTable, number_text
+from warpgrasp.core.plain_text import counted
 
 SHARE = 0.5
 """Of a budget of episodes, for the rounds; the last race has what they leave."""
@@ -169,7 +170,7 @@ class SearchCourse:
             found.final = best[found.label] in chosen
         left = None if self.budget is None else self.budget - self.taken
         seed = int(digest([self.plan.study.head.seed, "last race"])[:15], 16)
-        note(f"{len(self.proposed)} proposals took {self.taken:,} episodes; the best "
+        note(f"{counted(len(self.proposed), 'proposal')} took {self.taken:,} episodes; the best "
              f"{len(chosen)} race again, on other seeds")
         return self._heat([found.point for found in chosen], self.rules, seed, "last race", left)
 
@@ -196,8 +197,9 @@ def search_table(course: SearchCourse) -> TextTable:
 
 def search_lines(course: SearchCourse) -> dict[str, str]:
     """What is said of the rounds, beside the outcome of the last race."""
-    return {"search": f"{len(course.proposed)} proposals in {course.round} rounds took "
-                      f"{course.taken:,} episodes; the claim is of the finalists, on other seeds"}
+    return {"search": f"{counted(len(course.proposed), 'proposal')} in "
+                      f"{counted(course.round, 'round')} took {course.taken:,} episodes; "
+                      "the claim is of the finalists, on other seeds"}
 
 
 def _text(value: Any) -> str:

@@ -23,6 +23,7 @@ from sweeps.spec.errors import StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 from sweeps.spec.toml_reader import read_content
+from warpgrasp.core.plain_text import counted
 
 METRIC = "chamfer_mm"
 SAID = ("best", "claim", "tied", "paired", "episodes")
@@ -107,7 +108,8 @@ def sweep_until(spec: Path, folder: Path, *, within: float, options: Options,
         board = make_leaderboard(plan_of(store), [store])
         write_atomic(folder / "leaderboard.csv", board.csv())
     if outcome.failed:
-        say(f"{outcome.failed} units failed and count as the worst; see {store.logs}/*.failed.log")
+        say(f"{counted(outcome.failed, 'unit')} failed, counted as the worst; see "
+            f"{store.logs}/*.failed.log")
     return Known({name: text for name, text in summary(found).items() if name in SAID},
                  found.within, board, bool(outcome.failed or outcome.lost))
 

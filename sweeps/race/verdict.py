@@ -113,13 +113,13 @@ def claim(found: Verdict) -> str:
     """The sentence that a race ends with."""
     if not np.isfinite(found.within):
         return "nothing can be claimed yet"
-    where = ("these" if found.over == "these" else "objects like these")
-    many = f"{found.objects} objects" if found.over == "these" else f"{found.objects}"
+    where = (f"objects like these {found.objects}" if found.over == "like-these" else
+             "this object" if found.objects == 1 else f"these {found.objects} objects")
     cap = max(map(abs, found.rules.bounds or (0.0, 0.0)))
     cut = (f", scores cut at {amount(cap, found.metric)}"
            if 0 < cap < bounds_of(found.metric)[1] else "")
     return (f"within {amount(found.within, found.metric)} of the best of {len(found.labels):,} on "
-            f"{where} {many}, {100 * found.rules.confidence:.10g} %{cut}")
+            f"{where}, {100 * found.rules.confidence:.10g} %{cut}")
 
 
 def summary(found: Verdict) -> dict[str, str]:

@@ -200,10 +200,14 @@ def test_nothing_races_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert "[search]: all proposals are the same entry" in capsys.readouterr().err
 
 
-def test_no_round_begins_after_the_time(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    assert search(write_spec(tmp_path, SPEC), out, "--budget-minutes", "0.0001") == 0
+def test_no_round_begins_after_the_time(tmp_path: Path,
+                                        capsys: pytest.CaptureFixture[str]) -> None:
+    out, text = tmp_path / "out", SPEC.replace('["block", "wedge"]', '["block"]')
+    assert search(write_spec(tmp_path, text), out, "--budget-minutes", "0.0001") == 0
     assert {row["round"] for row in rows(out / "search.csv")} == {"1"}
+    printed = capsys.readouterr()
+    assert "6 proposals in 1 round took" in printed.out
+    assert "of the best of 4 on this object, 95 %" in printed.out
 
 
 def test_the_sampler_learns_where_it_is_good(tmp_path: Path) -> None:
