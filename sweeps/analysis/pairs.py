@@ -21,6 +21,7 @@ from sweeps.analysis.entries import ROUNDING, LeaderboardError, digits_of, sign_
 from sweeps.analysis.paired import Paired
 from sweeps.spec.errors import choose
 from sweeps.text_table import TextTable, number_text
+from warpgrasp.core.plain_text import counted
 
 LEVEL = 0.05
 
@@ -198,6 +199,6 @@ def _power(objects: int, pairs: int, fewer: bool) -> list[str]:
         return []
     enough = int(np.ceil(1 + np.log2(pairs / LEVEL)))
     or_fewer = ", or fewer comparisons (--against an entry chosen beforehand)" if fewer else ""
-    return [f"with {objects} objects and {pairs} comparison{'s' * (pairs != 1)} p_objects_holm "
+    return [f"with {counted(objects, 'object')} and {counted(pairs, 'comparison')} p_objects_holm "
             f"cannot fall below {smallest:.2g}: a claim about other objects needs {enough} "
             f"objects{or_fewer}"]

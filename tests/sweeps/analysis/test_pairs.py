@@ -20,6 +20,7 @@ from sweeps.analysis.objects import ALSO, object_rows, objects_table
 from sweeps.analysis.paired import Paired, read_paired
 from sweeps.analysis.pairs import (
     Pair,
+    _power,
     compare_pairs,
     episodes_test,
     holm,
@@ -112,6 +113,7 @@ def test_pairs_agree_with_the_values_themselves(paired: Paired) -> None:
     assert pairs[0].p_objects == 2 * 0.5**6
     table = pairs_table(paired, "chamfer_mm")
     assert "cannot fall below 0.094: a claim about other objects needs 7" in table.notes[-1]
+    assert "with 1 object and 1 comparison p_objects_holm" in _power(1, 1, fewer=False)[0]
     against = compare_pairs(paired, "chamfer_mm", "best")
     assert [(p.first, p.second) for p in against] == [("sx", "s"), ("sxx", "s")]
     with pytest.raises(LeaderboardError, match="did you mean sxx"):
