@@ -20,6 +20,7 @@ from sweeps.analysis.entries import Entry, value_text
 from sweeps.analysis.paired import read_objects
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
+from sweeps.spec.cell import APART
 from sweeps.spec.errors import Problem, SpecError
 from sweeps.text_table import number_text
 
@@ -128,6 +129,12 @@ def check_study(plan: Plan, file: Path) -> None:
                 str(file), "sweep", f"setting {number + 1} changes {' and '.join(keys)}; each "
                 "should change one constant of the first setting, which holds the defaults"))
             break
+        side = _side(plan, number)
+        if keys and side != SIDES[0] and keys[0].partition(".")[0] not in APART:
+            problems.append(Problem(
+                str(file), "sweep", f"setting {number + 1} changes {keys[0]} where {SWEPT} is "
+                f"{side}; should be {SIDES[0]}, for truth and belief differ in "
+                f"{', '.join(APART)} alone"))
     if problems:
         raise SpecError(problems)
 
@@ -262,13 +269,18 @@ def _lead(difference: np.ndarray) -> tuple[float, float]:
 def _changed(plan: Plan, number: int) -> tuple[str, str, str]:
     """The constant of a setting that is not as in the first one, its value, and whose it is."""
     found = _changes(plan, number)
-    given, _ = plan.study.setting(number)
-    side = str(given.get(SWEPT, plan.study.tables["robot"].swept))
+    side = _side(plan, number)
     if not found:
         return "(default)", "", side
     key, value = found[0]
     values = value if isinstance(value, tuple) else (value,)
     return key, " ".join(map(value_text, values)), side
+
+
+def _side(plan: Plan, number: int) -> str:
+    """Whose constants a setting varies."""
+    given, _ = plan.study.setting(number)
+    return str(given.get(SWEPT, plan.study.tables["robot"].swept))
 
 
 def _changes(plan: Plan, number: int) -> list[tuple[str, Any]]:

@@ -166,6 +166,9 @@ THRESHOLD = '"sensors.tendon_threshold_N" = [6.0, 3.0]\n'
     (SPEC + THRESHOLD.replace("6.0, 3.0", "3.0, 6.0"), "sweep: sensors.tendon_threshold_N is 3 in "
      "the first setting; should be the default there"),
     (SPEC + '"strategy.closings" = [["curl40"], ["base_then_curl"]]', "sweep: strategy.closings"),
+    (SPEC + '"hand.link_radius_mm" = [8.0, 10.0, 8.0]\n"contact.friction" = [0.5, 0.5, 1.0]\n'
+     '"robot.swept" = ["both", "truth", "belief"]', "sweep: setting 3 changes contact.friction "
+     "where robot.swept is belief; should be both"),
     (SPEC.removesuffix("[sweep.zip]\n"), "sweep: is of one setting; should be one [sweep.zip]"),
 ])
 def test_a_spec_of_another_kind_is_refused(tmp_path, capsys, text, says) -> None:
