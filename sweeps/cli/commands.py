@@ -28,7 +28,7 @@ from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
 from sweeps.spec.toml_reader import read_content
 from sweeps.text_table import finite_or_none, json_record, print_json, print_table
-from warpgrasp.core.plain_text import counted, on_one_line
+from warpgrasp.core.plain_text import counted, csv_cell, on_one_line
 
 RANKED = "leaderboard.csv"
 # Columns that fit a terminal, after the means and their intervals; the file has them all.
@@ -251,12 +251,13 @@ def sensitivity(
                      as_json=False)
     rows, notes = sensitivity_table(plan, store)
     text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([HEADER, *rows])
+    csv.writer(text, lineterminator="\n").writerows(map(csv_cell, row) for row in [HEADER, *rows])
     write_atomic(folder / "sensitivity.csv", text.getvalue().encode())
     table = [HEADER, ("---",) * len(HEADER), *rows]
     lines = ["<!-- written by `warpgrasp sensitivity`; do not edit -->", "",
              "# Each constant over its bracket", "",
-             *("| " + " | ".join(row) + " |" for row in table), "", *(f"- {n}" for n in notes), ""]
+             *("| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |"
+               for row in table), "", *(f"- {n}" for n in notes), ""]
     write_atomic(folder / "sensitivity.md", "\n".join(lines).encode())
     shown = [[cell.removeprefix("+") for cell in row] for row in rows] if as_json else rows
     print_table(HEADER, shown, as_json)  # JSON has no number with a plus

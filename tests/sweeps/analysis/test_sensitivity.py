@@ -190,6 +190,15 @@ def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, mo
     assert "2 objects x 40 episodes" in printed.err
 
 
+def test_names_break_no_table(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    text = SPEC.replace('"ring6"', '"=a|b"\nwaypoints = { kind = "ring", count = 6 }') + THRESHOLD
+    assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec",
+                str(write_spec(tmp_path, text))]) == 0
+    assert "(default),,both,1.00,'=a|b," in (tmp_path / "out/sensitivity.csv").read_text()
+    assert "| =a\\|b |" in (tmp_path / "out/sensitivity.md").read_text()
+
+
 def test_a_directory_of_another_study_is_left_as_it_is(tmp_path, capsys) -> None:
     plan, folder = plan_of(tmp_path / "spec"), tmp_path / "out"
     folder.mkdir()
