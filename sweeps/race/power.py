@@ -127,7 +127,7 @@ def power_row(plan: Plan, folder: Path, metric: str) -> tuple[str, str]:
     entries = len(entries_of(plan, entry_axes(plan, None)[0]))
     objects, episodes = len(plan.study.objects), plan.study.head.episodes_per_cell
     these, like = told_apart(spreads, max(entries, 2), objects, episodes)
-    unit = " mm" if metric.endswith("_mm") else ""
+    unit = f" {metric.rpartition('_')[2]}" if metric.endswith(("_mm", "_s", "_m")) else ""
     found = ", ".join(
         f"{f'{apart:.2g}{unit}' if np.isfinite(apart) else 'nothing'} on {objects_told}"
         for apart, objects_told in ((these, "these objects"), (like, "objects like these")))

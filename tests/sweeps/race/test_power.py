@@ -103,6 +103,9 @@ def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     assert told.startswith("tells_apart")
     assert told.endswith("differences of chamfer_mm that 80 % of such sweeps show "
                          "(from 6 episodes)")
+    timed = ["check", str(spec), "--pilot", str(tmp_path / "pilot"), "--metric", "robot_time_s"]
+    assert cli.run(timed) == 0
+    assert " s on these objects, " in capsys.readouterr().out
     assert cli.run(["check", str(spec), "--pilot", str(tmp_path)]) == 2
     assert "holds no study" in capsys.readouterr().err
     alone = plan_of(tmp_path / "one", SMALL.partition('[[strategy]]\nname = "mine"')[0])
