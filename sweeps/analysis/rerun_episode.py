@@ -19,10 +19,11 @@ from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
 from sweeps.run.plan import Plan, cell_hash
-from sweeps.run.race_record import refuse_races
+from sweeps.run.race_record import race_of
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError, choose
+from warpgrasp.core.plain_text import first_few
 
 if TYPE_CHECKING:
     from sweeps.episode.episodes import EpisodeBlock
@@ -70,7 +71,9 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
              if strategy in (None, entry.label, names[entry.strategy])}
     label = next(iter(meant))
     if len(meant) > 1:
-        refuse_races(plan, stores)
+        if any(race_of(plan, store) is not None for store in stores):
+            raise StoreError(f"--strategy: should name an entry, for {stores[0].folder} holds a "
+                             f"race, which has no leaderboard; there are: {first_few([*meant])}", 3)
         label = next(row[1] for row in make_leaderboard(plan, stores).rows if row[1] in meant)
         note(f"of {len(meant)} entries the leaderboard's first: {label}")
     points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points

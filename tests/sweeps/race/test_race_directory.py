@@ -122,6 +122,8 @@ def test_rows_are_the_episodes_that_the_race_took(
     assert order == sorted(order, key=lambda row: (names[0].index(row[0]), names[1].index(row[1]),
                                                    *row[2:]))
     assert read_rows(out).num_rows == len(rows)
+    assert run("figure", out, "contacts", "-o", tmp_path / "contacts.png") == 3
+    assert "--strategy: should name an entry" in capsys.readouterr().err
 
 
 def test_rows_of_a_search_are_refused(tmp_path: Path) -> None:
