@@ -3,7 +3,7 @@
 import lazy_loader
 
 __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
-    "cell": ["CONTACTS", "Cell", "ENDED", "SECTIONS", "TABLES", "batch_key", "own_code"],
+    "cell": ["APART", "CONTACTS", "Cell", "ENDED", "SECTIONS", "TABLES", "batch_key", "own_code"],
     "checks": ["arms_of", "closes_fingers", "feels_with_pads", "swept_points", "told_of"],
     "errors": ["Held", "OtherStudy", "Problem", "Problems", "SpecError", "StoreError",
         "choose", "short"],
