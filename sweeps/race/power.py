@@ -27,12 +27,15 @@ from sweeps.analysis.interval import critical_difference, small_sample_widening
 from sweeps.analysis.paired import read_paired
 from sweeps.run.plan import Plan
 from sweeps.run.race_record import open_sweep
+from sweeps.spec.study import Study
 
 POWER = 0.8
 """The share of sweeps that show a difference."""
 MOST_PAIRS = 2000
 _ROUNDS = 30
 """After which a difference of shares and the variance that it implies agree."""
+_NAMED = 3
+"""Names of what a pilot lacks that are told, of each kind."""
 
 
 @dataclass(frozen=True)
@@ -132,4 +135,16 @@ def power_row(plan: Plan, folder: Path, metric: str) -> tuple[str, str]:
         f"{f'{apart:.2g}{unit}' if np.isfinite(apart) else 'nothing'} on {objects_told}"
         for apart, objects_told in ((these, "these objects"), (like, "objects like these")))
     return "tells_apart", (f"{found}: differences of {metric} that 80 % of such sweeps show (from "
-                           f"{spreads.episodes} episodes)")
+                           f"{spreads.episodes} episodes{_other_than(plan.study, folder)})")
+
+
+def _other_than(study: Study, folder: Path) -> str:
+    """What the pilot has not of the study: its spread is then that of others."""
+    pilot = open_sweep([folder])[0].study
+    lacks = []
+    for kind, mine, theirs in (("strategies", study.strategies, pilot.strategies),
+                               ("objects", study.objects, pilot.objects)):
+        if missing := sorted({one.name for one in mine} - {one.name for one in theirs}):
+            more = ", ..." if len(missing) > _NAMED else ""
+            lacks.append(f"{kind} {', '.join(missing[:_NAMED])}{more}")
+    return f" of a pilot without {' and '.join(lacks)}" if lacks else ""

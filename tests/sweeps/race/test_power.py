@@ -106,6 +106,11 @@ def test_check_reads_a_pilot(tmp_path: Path, capsys: pytest.CaptureFixture[str])
     timed = ["check", str(spec), "--pilot", str(tmp_path / "pilot"), "--metric", "robot_time_s"]
     assert cli.run(timed) == 0
     assert " s on these objects, " in capsys.readouterr().out
+    changed = SMALL.replace('"wedge"]', '"funnel"]').replace('"ring6"', '"ring18"')
+    other = write_spec(tmp_path, changed)
+    assert cli.run(["check", str(other), "--pilot", str(tmp_path / "pilot")]) == 0
+    assert capsys.readouterr().out.rstrip().endswith(
+        "(from 6 episodes of a pilot without strategies ring18 and objects funnel)")
     assert cli.run(["check", str(spec), "--pilot", str(tmp_path)]) == 2
     assert "holds no study" in capsys.readouterr().err
     alone = plan_of(tmp_path / "one", SMALL.partition('[[strategy]]\nname = "mine"')[0])
