@@ -141,8 +141,9 @@ def _check_tip_pad(what: str, name: str, model: HandModel) -> None:
 def _check_finger(finger: Finger) -> None:
     count = len(finger.joints)
     if not 1 <= count <= MOST_JOINTS:
-        raise HandError(f"finger {finger.name}: {count} joints; should be 1 to {MOST_JOINTS}: hold "
-                        "some of them at an angle, or name the link beyond them as the palm")
+        raise HandError(f"finger {finger.name}: {count} joints{_ends(finger)}; should be 1 to "
+                        f"{MOST_JOINTS}: hold some of them at an angle, or name the link beyond "
+                        "them as the palm")
     for joint in finger.joints:
         for what, numbers in (("place", joint.place), ("axis", joint.axis),
                               ("limits", (joint.low_rad, joint.high_rad)),
@@ -181,8 +182,8 @@ def _check_finger(finger: Finger) -> None:
                             f"joint {joint.name}, as both point the same way; should be "
                             f"{_LEAST_LINK_M * 1e3:g} mm from it at least: {UNITS_OF_FILES}")
     if not any(joint.shapes for joint in finger.joints):
-        raise HandError(f"finger {finger.name}: none of its links has a collision shape; should "
-                        "have a capsule or a box at least on the last")
+        raise HandError(f"finger {finger.name}: none of its links{_ends(finger)} has a collision "
+                        "shape; should have a capsule or a box at least on the last")
     off = float(np.linalg.norm(finger.tip_m))
     if off < _LEAST_LINK_M:
         raise HandError(f"finger {finger.name}: its tip lies on its last joint "
@@ -214,6 +215,12 @@ def _check_finger(finger: Finger) -> None:
                             f"joints: {', '.join(j.name for j in finger.joints)}")
 
 
+def _ends(finger: Finger) -> str:
+    """Its first and last joint, which a URDF names; it names no fingers."""
+    names = [joint.name for joint in finger.joints]
+    return f" ({names[0]} to {names[-1]})" if len(names) > 1 else "".join(f" ({n})" for n in names)
+
+
 def _check_limits(finger: Finger) -> None:
     driven = [joint for joint in finger.joints if joint.follows is None]
     for joint in driven:
@@ -224,8 +231,9 @@ def _check_limits(finger: Finger) -> None:
                             f"360 deg either way: {UNITS_OF_FILES}")
     widest = max((math.degrees(j.high_rad - j.low_rad) for j in driven), default=math.inf)
     if widest < _LEAST_DEG:
-        raise HandError(f"finger {finger.name}: its joint with the widest limits turns by "
-                        f"{widest:.3g} deg; should be {_LEAST_DEG:g} at least: {UNITS_OF_FILES}")
+        raise HandError(f"finger {finger.name}: its joint with the widest limits{_ends(finger)} "
+                        f"turns by {widest:.3g} deg; should be {_LEAST_DEG:g} at least: "
+                        f"{UNITS_OF_FILES}")
 
 
 def _check_near(what: str, at: Sequence[float], where: str, most_m: float) -> None:
