@@ -22,8 +22,8 @@ PRIOR_COUNT = 6.0
 """Recoveries that the common scatter counts for in the scatter of one object [est]."""
 LEAST_VARIANCE = 1e-6
 KERNEL_WIDTH = 0.3
-"""Of a kernel about one unlisted object, as a share of their spread: between 0.15 and 0.5 answers
-are equally good, and their probabilities equally right."""
+"""Of a kernel about one unlisted object, as a share of their spread [est]: from 0.15 to 0.5 answers
+are hardly better or worse (`docs/design_notes/fits.md`)."""
 BROAD_COUNT = 6.0
 """Kernels that the broad density counts for: objects unlike all that were felt [est]."""
 

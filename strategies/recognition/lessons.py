@@ -62,7 +62,8 @@ def lesson_of(belief: Belief, recovered: Recovered, names: np.ndarray,
               bodies: np.ndarray | None = None) -> Lesson:
     """What a batch of episodes teaches of the objects that stood in its worlds, str (world,).
 
-    `bodies` are their numbers, int (world,); by default each world has another one.
+    `bodies` are their numbers, int (world,), by which lessons know an unlisted object again; by
+    default those of the worlds.
     """
     each = np.arange(len(names)) if bodies is None else bodies
     return Lesson(names, each, {way: described(belief, recovered, way) for way in WAYS})
