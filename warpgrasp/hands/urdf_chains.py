@@ -1,7 +1,7 @@
 """Which joints of a URDF make fingers, and which stand still."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -43,7 +43,9 @@ def finger_chains(
 ) -> Chains:
     """A finger is a chain from the palm to a link of `tips`, or, without, to a joint that moves no
     other. Joints that move several fingers, as a wrist's, are held, and so are all others. A URDF
-    cannot close a loop: a bar that ends at a pin on a finger is none itself, and is left out.
+    cannot close a loop: a bar that ends at a pin on a finger is none itself, and is left out. A
+    joint that others follow and that moves no collision shape, as a motor's crank, is none either.
+    Where what fingers follow is in none of them, a joint of theirs drives in its place.
 
     Raises HandError where there is no finger, where a joint follows one that there is not, and
     where one beyond the palm neither turns nor is fixed.
@@ -64,8 +66,9 @@ def finger_chains(
     pinned = _pinned(tree, known, held, leaves, paths)
     bars = frozenset(name for name in pinned if name not in
                      [joint.name for tip in tips for joint in moving.get(tip, [])])
+    none = inner | bars | _cranks(tree, known, held, leaves)
     ends = {path[-1].name: path for link, path in moving.items() if path
-            and (link in tips if tips else path[-1].name not in inner | bars)}
+            and (link in tips if tips else path[-1].name not in none)}
     notes += [f"joint {name} moves a bar of a linkage, which ends at a pin on what joint "
               f"{pinned[name]} moves: it is left out" for name in sorted(bars)]
     if not ends:
@@ -75,7 +78,10 @@ def finger_chains(
     count = [joint.name for path in ends.values() for joint in path]
     all_moving = {joint.name: joint for path in moving.values() for joint in path
                   if joint.name not in bars}
-    known = _driven_anew(tree, known, count, bars)
+    outside = bars | {name for name in all_moving if name not in count
+                      and name not in held and name not in inner}
+    known, said = _driven_anew(tree, known, count, outside)
+    notes += said
 
     def stands(name: str) -> float:
         """Where a joint is held, or else its angle nearest to zero [rad]."""
@@ -134,6 +140,19 @@ def _pinned(
     return found
 
 
+def _cranks(
+    tree: UrdfTree, known: Mapping[str, UrdfJoint], held_rad: Mapping[str, float],
+    leaves: Sequence[Sequence[UrdfJoint]],
+) -> frozenset[str]:
+    """Joints at the end of a chain that others follow, and that move no collision shape."""
+    ends = {path[-1].name for path in leaves}
+    leading = {_followed(tree, known, joint, held_rad).joint
+               for path in leaves for joint in path if joint.follows is not None}
+    shaped = {joint.name for link in tree.links.values() if link.collisions
+              for joint in tree.path(link.name)}
+    return frozenset(leading & ends - shaped)
+
+
 def _frames(tree: UrdfTree, known: Mapping[str, UrdfJoint], held_rad: Mapping[str, float],
             path: Sequence[UrdfJoint], drive_rad: np.ndarray) -> np.ndarray:
     """Of the link at the end of a path, (turn, 4, 4), in the palm's frame."""
@@ -163,14 +182,15 @@ def _share_a_pin(one: np.ndarray, two: np.ndarray) -> bool:
 
 
 def _driven_anew(
-    tree: UrdfTree, known: Mapping[str, UrdfJoint], count: Sequence[str], bars: frozenset[str]
-) -> dict[str, UrdfJoint]:
-    """The joints by name. Where the drive is a bar's, the first joint of a finger that follows it
-    drives in its place, within the limits of both."""
-    changed = dict(known)
+    tree: UrdfTree, known: Mapping[str, UrdfJoint], count: Sequence[str], outside: Set[str]
+) -> tuple[dict[str, UrdfJoint], list[str]]:
+    """The joints by name, and what was changed, a sentence each. Where the drive is one of
+    `outside`, which is in no finger, the first joint of a finger that follows it drives in its
+    place, within the limits of both."""
+    changed, notes = dict(known), []
     led = {name: _followed(tree, known, known[name], {}) for name in count
-           if bars and known[name].follows is not None}
-    for drive in sorted(name for name in bars if known[name].follows is None):
+           if outside and known[name].follows is not None}
+    for drive in sorted(name for name in outside if known[name].follows is None):
         first = next((name for name in led if led[name].joint == drive and led[name].factor), None)
         if first is None:
             continue
@@ -179,6 +199,7 @@ def _driven_anew(
                            for end in (known[drive].low_rad, known[drive].high_rad))
         within = max(low, known[first].low_rad), min(high, known[first].high_rad)
         low, high = within if within[0] < within[1] else (low, high)
+        notes.append(f"joint {first} drives in place of {drive}, which is in no finger")
         changed[first] = replace(known[first], follows=None, kind="revolute", low_rad=low,
                                  high_rad=high)
         for name, follow in led.items():
@@ -186,7 +207,7 @@ def _driven_anew(
                 factor = follow.factor / own.factor
                 changed[name] = replace(known[name], follows=(
                     first, factor, follow.offset_rad - factor * own.offset_rad))
-    return changed
+    return changed, notes
 
 
 def _narrowed(

@@ -276,6 +276,29 @@ def test_joints_led_by_another_finger_have_one_drive(tmp_path: Path) -> None:
                                    inverse @ frames, atol=1e-12)
 
 
+@pytest.mark.parametrize("shaped", [False, True])
+def test_a_crank_that_fingers_follow_is_no_finger(tmp_path: Path, shaped: bool) -> None:
+    """A motor's crank has no collision shape; one that has is left out where tips are named. The
+    fingers go as it leads them: here as far as the crank may turn."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "hand.urdf"
+    file.write_text(robot([
+        *map(link, ["palm", "a", "b"]), link("arm") if shaped else '<link name="arm"/>',
+        joint("crank", "palm", "arm", limit=LIMIT.format(0.0, 0.5)),
+        joint("j1", "palm", "a", at="-0.03 0 0.02",
+              more='<mimic joint="crank" multiplier="2" offset="0.1"/>'),
+        joint("j2", "palm", "b", at="0.03 0 0.02",
+              more='<mimic joint="crank" multiplier="-2"/>')]))
+    model, notes = hand_from_urdf(file, tips=["a", "b"] if shaped else ())
+    assert [[joint.name for joint in finger.joints] for finger in model.fingers] == [["j1"], ["j2"]]
+    drive, = model.driven
+    assert (drive.name, drive.low_rad, drive.high_rad) == ("j1", 0.1, pytest.approx(1.0))
+    led = model.fingers[1].joints[0].follows
+    assert (led.joint, led.factor, led.offset_rad) == ("j1", -1.0, pytest.approx(0.1))
+    assert "joint j1 drives in place of crank, which is in no finger" in notes
+    assert len(model.palm) == 1 + shaped
+
+
 def test_what_misses_its_pin_is_a_finger(tmp_path: Path) -> None:
     """A bar that turns otherwise than its finger's arm shares no point with its last link; and
     fingers about one axis share what stands still."""
