@@ -94,14 +94,15 @@ def finger_chains(
     for name, follow in led.items():
         why = "moves several fingers" if name in count else "is in no finger"
         notes.append(f"joint {name} {why}: it is held at {_degrees(held[name])} deg"
-                     + (f", as it follows {follow.joint}" if follow.joint != name else ""))
+                     + (f", as it follows {follow.joint}" if follow.joint != name else "")
+                     + _beyond(known[name], held[name]))
     follows = {name: _followed(tree, known, known[name], held) for name in count
                if known[name].follows is not None and name not in held}
     for name, follow in list(follows.items()):
         if follow.joint in held or follow.joint not in count:
             held[name] = follow.factor * stands(follow.joint) + follow.offset_rad
             notes.append(f"joint {name} follows {follow.joint}, which stands still: so does it, at "
-                         f"{_degrees(held[name])} deg")
+                         f"{_degrees(held[name])} deg{_beyond(known[name], held[name])}")
             del follows[name]
     limits, said = _narrowed(known, follows)
     limits = {name: (known[name].low_rad, known[name].high_rad) for name in count
@@ -244,6 +245,14 @@ def _narrowed(
             notes.append(f"joint {name} goes from {_degrees(low)} to {_degrees(high)} deg, as "
                          f"{follow.joint} leads it: by its own limits the two could not move")
     return found, notes
+
+
+def _beyond(joint: UrdfJoint, angle_rad: float) -> str:
+    """What is said of an angle that the joint's own limits do not allow."""
+    if joint.kind != "revolute" or joint.low_rad - NEAR <= angle_rad <= joint.high_rad + NEAR:
+        return ""
+    return (f", beyond its limits of {_degrees(joint.low_rad)} to {_degrees(joint.high_rad)}: hold "
+            "what leads it elsewhere")
 
 
 def _degrees(angle_rad: float) -> str:

@@ -49,11 +49,11 @@ def hand_from_urdf(
 ) -> tuple[HandModel, tuple[str, ...]]:
     """A hand, and what was left out or changed, a sentence each.
 
-    `palm` is the link that fingers start from, by default the root, or of a robot with an arm the
-    link that its last joint moves; what lies before it is left out. Only chains to the links `tips`
-    are fingers, by default all that end in a joint. Joints in `held_rad` stand still at these
-    angles. Thumb, postures and closing path are guesses, and so is the frame of the grasp unless a
-    link called `FRAME_LINK` says it. Raises HandError.
+    `palm` is the link that fingers start from, by default the root, or the link that the last joint
+    of an arm moves, or one that floats; what lies before it is left out. Only chains to the links
+    `tips` are fingers, by default all that end in a joint. Joints in `held_rad` stand still at
+    these angles. Thumb, postures and closing path are guesses, and so is the frame of the grasp
+    unless a link called `FRAME_LINK` says it. Raises HandError.
     """
     tree = read_urdf(file)
     for what, names in (("palm", [palm] if palm else []), ("tip", tips)):
@@ -101,9 +101,11 @@ def hand_from_urdf(
     said = [f"link {root} is the palm: joints beside it are left out: {', '.join(beside)}"
             ] if beside else []
     if arm:
-        said.append(f"joints {', '.join(joint.name for joint in arm)} carry all fingers, as an "
-                    f"arm's do: link {root} is the palm, and what lies before it is left out; "
-                    f"`--palm {tree.root}` holds them instead")
+        carry = "joint {} carries" if len(arm) == 1 else "joints {} carry"
+        holds = (f"; `--palm {tree.root}` holds them instead"
+                 if all(joint.usable for joint in arm) else "")
+        said.append(f"{carry.format(', '.join(joint.name for joint in arm))} all fingers: link "
+                    f"{root} is the palm, and what lies before it is left out{holds}")
     frame = _grasp_frame(tree, root, chains)
     if frame is None and FRAME_LINK in tree.links:
         said.append(f"link {FRAME_LINK} does not stand still on the palm: the frame is a guess")
@@ -118,10 +120,12 @@ def hand_from_urdf(
 
 def _arm(tree: UrdfTree, tips: Sequence[str], held_rad: Mapping[str, float]
          ) -> tuple[UrdfJoint, ...]:
-    """The moving joints before all fingers, if there are as many as an arm has; none where one is
-    to be held."""
+    """The moving joints before all fingers, if there are as many as an arm has, or else as far as
+    one that floats or slides, which no hand has; none where one is to be held."""
     arm = tree.stem(tips)
-    return arm if len(arm) >= _ARM and not held_rad.keys() & {j.name for j in arm} else ()
+    if len(arm) < _ARM:
+        arm = arm[:max((n for n, joint in enumerate(arm, 1) if not joint.usable), default=0)]
+    return () if held_rad.keys() & {joint.name for joint in arm} else arm
 
 
 def _grasp_frame(tree: UrdfTree, root: str, chains: Chains) -> Place | None:

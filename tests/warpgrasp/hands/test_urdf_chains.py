@@ -108,6 +108,10 @@ def test_a_follower_of_a_follower_that_is_held_stands_still(tmp_path: Path) -> N
     assert [j.name for j in model.joints] == ["j1"]
     stands = f"j3 follows j2, which stands still: so does it, at {degrees(0.2):.4g} deg"
     assert any(stands in note for note in notes)
+    file.write_text(file.read_text().replace('multiplier="0.5"', 'multiplier="5"'))
+    _, notes = hand_from_urdf(file, held_rad={"j2": 0.4})
+    assert any(note.endswith("at 114.6 deg, beyond its limits of 0 to 57.3: hold what leads it "
+                             "elsewhere") for note in notes)
 
 
 def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
@@ -336,12 +340,26 @@ def test_an_arm_that_carries_the_hand_is_left_out(tmp_path: Path, carrying: int)
         assert not said
         assert len(model.palm) == 5  # base, links of the wrist, and palm
         return
-    assert said == ["joints arm0, arm1, arm2, arm3 carry all fingers, as an arm's do: link l3 is "
-                    "the palm, and what lies before it is left out; `--palm base` holds them "
-                    "instead"]
+    assert said == ["joints arm0, arm1, arm2, arm3 carry all fingers: link l3 is the palm, and "
+                    "what lies before it is left out"]
     assert len(model.palm) == 2
     assert len(hand_from_urdf(file, tips=["a", "b"])[0].palm) == 2
     with pytest.raises(ValueError, match="arm0: is prismatic"):
         hand_from_urdf(file, palm="base")
     with pytest.raises(ValueError, match="arm0: is prismatic"):
         hand_from_urdf(file, held_rad={"arm2": 0.5})
+
+
+def test_a_hand_that_floats_begins_beyond_that_joint(tmp_path: Path) -> None:
+    """Its wrist is held; no joint that floats could be."""
+    pytest.importorskip("yourdfpy")
+    file = tmp_path / "robot.urdf"
+    file.write_text(robot([
+        *map(link, ["world", "base", "palm", "a", "b"]),
+        joint("free", "world", "base", kind="floating", limit=""), joint("wrist", "base", "palm"),
+        joint("j1", "palm", "a", at="0.02 0 0"), joint("j2", "palm", "b", at="-0.02 0 0")]))
+    model, notes = hand_from_urdf(file)
+    assert [[j.name for j in f.joints] for f in model.fingers] == [["j1"], ["j2"]]
+    assert len(model.palm) == 2  # base and palm
+    assert notes[0] == ("joint free carries all fingers: link base is the palm, and what lies "
+                        "before it is left out")
