@@ -84,10 +84,10 @@ class _Pad(_Strict):
 
 
 class _PadSize(_Strict):
-    width_mm: float = Field(gt=0.0)
-    length_mm: float = Field(gt=0.0)
+    width_mm: float = Field(ge=0.5)
+    length_mm: float = Field(ge=0.5)
     wrap_deg: float = Field(ge=0.0, le=90.0)
-    thickness_mm: float = Field(gt=0.0, le=50.0)
+    thickness_mm: float = Field(ge=0.01, le=50.0)
 
 
 class _Extended(_Strict):

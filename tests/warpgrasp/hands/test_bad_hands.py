@@ -250,7 +250,8 @@ def change(old: str, new: str) -> Callable[[str], str]:
      "in posture apart than in apart; one at least should be"),
     (change("^effort_Nm = .*", "effort_Nm = true"), "effort_Nm: input should be a valid number"),
     (change("^thickness_mm = .*", "thickness_mm = 1000"), "pads.thickness_mm: input should be le"),
-    (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater than 0"),
+    (change("^width_mm = .*", "width_mm = 1e-12"), "pads.width_mm: input should be greater than"),
+    (change("^length_mm = .*", "length_mm = -1"), "pads.length_mm: input should be greater"),
     (change(r"^pads = \[.*", 'pads = ["joint_0.0", "joint_1.0", "joint_2.0", "joint_3.0"]'),
      "finger index: 4 pads; should be 3 at most"),
     (change(r"^\[\[finger.joint\]\]", '[[finger.pad]]\nlink = "joint_2.0"\n'
