@@ -133,14 +133,15 @@ def _by_trial(first: "HandModel", *, framed: bool) -> tuple["HandModel", tuple[s
     from sweeps.cli.tools.hand_trials import best_guess, trial_misfit
 
     if wrong := trial_misfit(first):
-        return first, (f"guesses of thumb and grasp frame are not tried by episodes: {wrong}",)
+        return first, ("guesses of thumb, grasp frame and open posture are not tried by episodes: "
+                       f"{wrong}",)
     note(f"compares {len(others) + 1} guesses by episodes, a minute or two (--no-trials: none)")
     best, trial, before = best_guess(first, others)
     said = (f"the first is kept: mean error {before.chamfer_mm:.1f} mm" if best == first else
             f"the best has a mean error of {trial.chamfer_mm:.1f} mm, the first of "
             f"{before.chamfer_mm:.1f}")
-    return best, (f"of {len(others) + 1} guesses of thumb and grasp frame, tried by episodes, "
-                  f"{said}",)
+    return best, (f"of {len(others) + 1} guesses of thumb, grasp frame and open posture, tried by "
+                  f"episodes, {said}",)
 
 
 def _say_guesses(model: "HandModel") -> None:

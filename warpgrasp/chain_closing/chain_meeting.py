@@ -23,6 +23,12 @@ from warpgrasp.rubbing.chain_balance import ChainGrip
 
 CLOSE_M = 3e-3
 """Links that are as near in the open hand are built so, and do not count as touching."""
+_BESIDE_M, _BESIDE_CHANGE_M = 6e-3, 8e-3
+"""Links of two fingers that come as near, and whose distance changes by less from the open hand to
+the closed one, go side by side, and do not count as touching: fingers of real hands do so freely
+even where the shapes that stand for them meet [est]."""
+_PLACES = 9
+"""Of a closing at which that is asked."""
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
     "sensors": "feelers finger", "palm": "bar 2", "palm_balls": "bar", "pairs": "pair",
@@ -98,24 +104,23 @@ def palm_of(hand: ChainHand, close_m: float = CLOSE_M
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The palm's capsules (bar, 2, 3) and radii (bar,), and which pairs of capsules are none: bool
     (finger x `CAPSULES`, the same, then bars). Those that are nearer than `close_m` in the open
-    hand are none."""
+    hand are none, and those of fingers that go side by side."""
     ends = np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 2, 3)
     radius = np.array([c.radius for c in hand.palm])
     if len(ends) == 0:  # a palm without shape: one far away
         ends, radius = np.array([[[0.0, 0.0, -9.0], [0.0, 0.0, -9.1]]]), np.array([0.01])
-    opened = closing_way(hand, hand.model.closings[0], 2)[:, 0]
-    rows, own, sizes = [], [], []
-    for f in range(hand.fingers):
-        rows += list(capsule_ends(hand, f, opened[f]))
-        own += [f * CAPSULES + c for c in range(len(hand.capsules[f]))]
-        sizes += [c.radius for c in hand.capsules[f]]
-    every = np.concatenate([np.array(rows), ends])
-    thick = np.concatenate([sizes, radius])
-    apart = _apart(every) - thick[:, None] - thick[None]
+    way = closing_way(hand, hand.model.closings[0], _PLACES)
+    own = [f * CAPSULES + c for f in range(hand.fingers) for c in range(len(hand.capsules[f]))]
+    thick = np.concatenate([*([c.radius for c in capsules] for capsules in hand.capsules), radius])
+    apart = np.array([
+        _apart(np.concatenate([*(capsule_ends(hand, f, way[f, n]) for f in range(hand.fingers)),
+                               ends])) for n in range(_PLACES)]) - thick[:, None] - thick[None]
+    beside = (apart.min(0) < _BESIDE_M) & (np.ptp(apart, axis=0) < _BESIDE_CHANGE_M)
+    beside[:, len(own):] = False  # the palm is beside no link
     whole = hand.fingers * CAPSULES
     barred = np.ones((whole, whole + len(ends)), bool)
-    to = np.concatenate([own, whole + np.arange(len(ends))])
-    barred[np.ix_(own, to)] = (apart < close_m)[:len(own)]
+    to = [*own, *range(whole, whole + len(ends))]
+    barred[np.ix_(own, to)] = ((apart[0] < close_m) | beside)[:len(own)]
     for f in range(hand.fingers):  # links of a finger, and its first one and the palm
         for c, joint in enumerate(hand.capsule_joint[f]):
             barred[f * CAPSULES + c, f * CAPSULES:(f + 1) * CAPSULES] = True
@@ -127,8 +132,7 @@ def palm_of(hand: ChainHand, close_m: float = CLOSE_M
 def pairs_on_device(hand: ChainHand, close_m: float, device: str
                     ) -> tuple[wp.array, wp.array, wp.array]:
     """The palm's capsules (bar, 2), the balls around their axes (bar,), middles and radii, and the
-    pairs of capsules that are not nearer than `close_m` in the open hand, (pair,), as kernels take
-    them."""
+    pairs of capsules that may touch (`palm_of`), (pair,), as kernels take them."""
     ends, thick, barred = palm_of(hand, close_m)
     whole = hand.fingers * CAPSULES
     free = ~barred

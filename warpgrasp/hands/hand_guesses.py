@@ -33,6 +33,9 @@ others in the closed one: shares of the way from its rest to its limit [est]."""
 OPENED_RAD = 0.7
 """How far the joints that bend a gripper's finger open it beyond its rest, all together at most
 [est]."""
+WIDER_RAD = (0.17, 0.35, 0.7)
+"""As far are opened, in guesses to be tried, also joints whose ranges do not say which side is open
+[est]."""
 ALIKE = 0.7
 """Fingers go one way where the mean of their unit ways is longer than this [est]."""
 _ACROSS = 0.01
@@ -68,16 +71,19 @@ def with_guesses(model: HandModel) -> HandModel:
 
 
 def other_guesses(model: HandModel) -> tuple[HandModel, ...]:
-    """The hand as `with_guesses` makes it but for where its thumb stands, or for its frame; none
-    where there is nothing else to try."""
+    """The hand as `with_guesses` makes it but for where its thumb stands, for its frame, or for how
+    far it opens; none where there is nothing else to try."""
     first, (bending, model) = with_guesses(model), _with_thumb(model)
-    turning, places = _turning(model, bending), [_against_fingers(model, bending)]
+    against = _against_fingers(model, bending)
+    turning, places = _turning(model, bending), [against]
     if turning:
         grid = _grid(turning, _PLACES[min(len(turning), len(_PLACES)) - 1])
         places += [dict(zip((joint.name for joint in turning), angles, strict=True))
                    for angles in grid.tolist()]
     found = [hand for turned in places for hand in _framed(model, bending, turned, both=True)]
-    return tuple(hand for hand in found if hand != first)
+    found += [_about(model, bending, against, _wide(bending, opened, whatever=True))
+              for opened in WIDER_RAD]
+    return tuple(hand for n, hand in enumerate(found) if hand not in [first, *found[:n]])
 
 
 def _with_thumb(model: HandModel) -> tuple[Bending, HandModel]:
@@ -96,9 +102,16 @@ def _framed(model: HandModel, bending: Bending, turned: Mapping[str, float], *, 
         facing = _closing(model, bending, turned, _bent(model, bending))
         found.append(replace(facing, grasp_frame=_frame_before_palm(facing)))
     if both or not found or _is_opposed(rest):
-        about = _closing(model, bending, turned, _wide(bending))
-        found.append(replace(about, grasp_frame=_frame_between(about, gripper)))
+        found.append(_about(model, bending, turned, _wide(bending)))
     return found
+
+
+def _about(model: HandModel, bending: Bending, turned: Mapping[str, float],
+           opened: Mapping[str, float]) -> HandModel:
+    """The hand with the object between its fingers, whose joints are `opened` [rad]."""
+    about = _closing(model, bending, turned, opened)
+    gripper = _is_gripper(_closing(model, bending, turned))
+    return replace(about, grasp_frame=_frame_between(about, gripper))
 
 
 def _bending(model: HandModel) -> Bending:
@@ -148,16 +161,18 @@ def _bent(model: HandModel, bending: Bending) -> dict[str, float]:
             if joints and finger.name != model.thumb}
 
 
-def _wide(bending: Bending) -> dict[str, float]:
+def _wide(bending: Bending, opened_rad: float = OPENED_RAD, *, whatever: bool = False
+          ) -> dict[str, float]:
     """Angles [rad] of a gripper that opens as far as the ranges of its joints say, those next to
-    the palm first. A joint whose range is alike on both sides says nothing of that."""
+    the palm first. A joint whose range is alike on both sides says nothing of that, and is opened
+    only if asked to, `whatever` it says."""
     opened = {}
     for joints in bending:
-        left = OPENED_RAD
+        left = opened_rad
         for joint, end in joints:
             rest = _rest(joint)
             other = joint.low_rad if end == joint.high_rad else joint.high_rad
-            turn = min(abs(other - rest), left) if _bends(joint) else 0.0
+            turn = min(abs(other - rest), left) if whatever or _bends(joint) else 0.0
             if turn > 0.0:
                 opened[joint.name] = rest + turn * float(np.sign(other - rest))
                 left -= turn

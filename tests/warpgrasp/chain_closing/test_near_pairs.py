@@ -10,7 +10,7 @@ from chain_closings import ALONE, TABLE
 from strategies.poses.chain_paths import chain_commands
 from warpgrasp.chain.chain_hand import chain_of, hand_of_kind, padded, true_chains
 from warpgrasp.chain.chain_kernel import CAPSULES, Chain, ChainPose, vec6
-from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device
+from warpgrasp.chain_closing.chain_meeting import CLOSE_M, pairs_on_device, palm_of
 from warpgrasp.chain_closing.chain_path import no_chain_errors
 from warpgrasp.core.dtypes import ZERO, real, transform, vec3, vec4
 from warpgrasp.core.kernel_launch import launch
@@ -27,6 +27,8 @@ from warpgrasp.hand_rest.chain_meetings import (
     near_pairs,
 )
 from warpgrasp.hand_rest.far_balance import far_balance
+from warpgrasp.hands.hand_guesses import with_guesses
+from warpgrasp.hands.hand_model import STILL, Capsule, Finger, HandJoint, HandModel
 from warpgrasp.objects.catalogue import body_from_name
 from warpgrasp.rubbing.chain_balance import ChainGrip, finger_balance, start_grip
 
@@ -181,3 +183,27 @@ def test_a_finger_that_is_told_to_be_far_is_balanced_as_one_that_is_looked_at() 
     assert (found["depth"][:, 1] == 0.0).all()  # bounds
     np.testing.assert_allclose(found["torque"][far, 1], found["torque"][far, 0], atol=1e-12)
     np.testing.assert_array_equal(found["posed"][far, 0], q[far])
+
+
+def beside_hand(apart_m: float) -> HandModel:
+    """Two fingers side by side, and a thumb across from them; links of a radius of 8 mm."""
+    def finger(name: str, x: float, y: float, turn: float) -> Finger:
+        base = (x, y, 0.0, 0.0, 0.0, np.sin(turn / 2), np.cos(turn / 2))
+        skin = (Capsule((0.0, 0.0, 0.0), (0.0, 0.0, 0.04), 0.008),)
+        return Finger(name, tuple(
+            HandJoint(f"{name}{n}", place, (0.0, 1.0, 0.0), -0.1, 1.2, 0.0, 2.0, None, skin)
+            for n, place in enumerate((base, (0.0, 0.0, 0.04, 0.0, 0.0, 0.0, 1.0)))),
+            (0.0, 0.0, 0.04), ())
+
+    return with_guesses(HandModel("x", "", "", STILL, (), (
+        finger("a", -0.05, 0.0, 0.0), finger("b", -0.05, apart_m, 0.0),
+        finger("thumb", 0.05, apart_m / 2, np.pi)), "", "nothing", (), ()))
+
+
+def test_links_of_fingers_that_go_side_by_side_are_no_pairs() -> None:
+    """They are 5 mm apart all along; those of the thumb come towards them."""
+    for apart, beside in ((0.021, True), (0.03, False)):
+        barred = palm_of(chain_of(beside_hand(apart)))[2][:, :3 * CAPSULES]
+        pairs = barred.reshape(3, CAPSULES, 3, CAPSULES)[:, :2, :, :2]
+        assert pairs[0, :, 1].all() == pairs[0, :, 1].any() == beside
+        assert not pairs[:2, :, 2].any()

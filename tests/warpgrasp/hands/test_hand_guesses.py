@@ -16,7 +16,14 @@ from warpgrasp.hands.hand_frames import (
     place_of,
     posture_angles,
 )
-from warpgrasp.hands.hand_guesses import CLOSED, CURLED, OPEN, other_guesses, with_guesses
+from warpgrasp.hands.hand_guesses import (
+    CLOSED,
+    CURLED,
+    OPEN,
+    WIDER_RAD,
+    other_guesses,
+    with_guesses,
+)
 from warpgrasp.hands.hand_model import (
     STILL,
     Box,
@@ -274,3 +281,18 @@ def test_other_guesses_are_hands_that_differ_in_thumb_or_frame(name: str) -> Non
         check_hand(other)
         assert other.fingers == first.fingers
         assert (other.postures, other.grasp_frame) != (first.postures, first.grasp_frame)
+
+
+def test_other_guesses_open_joints_whose_ranges_do_not_say_which_side_is_open() -> None:
+    """Away from each other, where the hand closes; no joint farther than it turns."""
+    ranges = ((-1.2, 1.2), (-0.5, 0.5))
+    first = guessed(finger("a", -0.05, (ACROSS,) * 2, ranges),
+                    finger("b", 0.05, (ACROSS,) * 2, ranges, np.pi))
+    assert not angles(first, "open")
+    wider = [angles(other, "open") for other in other_guesses(first)]
+    for opened in WIDER_RAD:
+        assert {"a0": -opened, "b0": -opened} in [
+            {name: round(angle, 9) for name, angle in one.items() if angle} for one in wider]
+    tips = [finger_tips(other, posture_angles(other, other.posture("open"))[None])[0, :, 0]
+            for other in other_guesses(first)]
+    assert max(b - a for a, b in tips) > 0.1 + 2 * 0.08 * np.sin(0.6)
