@@ -51,7 +51,7 @@ SHRINKS = (
     (r"(warpgrasp sweep .*)", rf"\1 {FEW}"),
     (r"(warpgrasp race .*)", r"\1 --budget-episodes 200"),
     (r"(warpgrasp sensitivity .*)", r"\1 --episodes 1"),
-    (r"(warpgrasp learn .*)", r"\1 --strategy ring6 --episodes 4"),
+    (r"(warpgrasp learn .*)", r"\1 --strategy ring6 --episodes 4 --force"),
     (r"(.*recognition_reliability.py).*",
      r"\1 --episodes 1 --unlisted 1 --strategy ring6"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
