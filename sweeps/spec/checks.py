@@ -285,7 +285,9 @@ def _misfit(hand: HandTable, pads: PadTable) -> str:
     if wrong := pads.insensitive():
         return wrong
     if hand.kind == UTAH_MIT:
-        return pads.misfit(hand)
+        return pads.misfit(hand) or ("" if pads.distal else (
+            "no pad on the distal links, with which planar, contour and decide feel; "
+            "pads.distal should be true"))
     # What reads hands is not imported where the hand is the Utah-MIT's.
     from warpgrasp.chain.chain_hand import chain_of_table
     from warpgrasp.chain.chain_pads import pad_misfit

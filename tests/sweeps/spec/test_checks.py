@@ -30,6 +30,8 @@ PADS = [
     ("[pads]\nwidth_mm = 30\n", "spec.toml:12: pads.width_mm: pad of 30 mm is wider than the "
      "palmar half of a link; width_mm should be 28.3 mm at most"),
     ("[hand]\nlink_radius_mm = 2\n", "spec.toml:12: hand.link_radius_mm: pad of 12.7 mm is wider"),
+    ("[pads]\nmiddle = true\ndistal = false\n", "spec.toml:13: pads.distal: no pad on the distal "
+     "links, with which planar, contour and decide feel; pads.distal should be true"),
     ("[pads]\nrest_ohm = 500\n", "spec.toml:12: pads.rest_ohm: pad of 1000 ohm under load"),
     ("[pads]\nfloor_N = 5\n", "spec.toml:12: pads.floor_N: taxels feel from 5 N on"),
 ]
