@@ -3,6 +3,7 @@ simulators."""
 
 from pathlib import Path
 
+from sweeps.cli.app import refuse_existing
 from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.result_file import check_result, write_result
 from sweeps.spec.errors import StoreError
@@ -16,16 +17,24 @@ HAND_ABOVE_M = 0.15
 
 
 def export_robot(
-    file: Path, *, arm: str | None, what: str | None, units: str | None, hand: str = "utah_mit"
+    file: Path, *, arm: str | None, what: str | None, units: str | None, hand: str = "utah_mit",
+    force: bool = False,
 ) -> int:
-    """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written."""
+    """Write `file` (.xml: MJCF, .urdf: URDF; then meshes beside it) and print what was written.
+
+    Files that exist are written over only with `force`: StoreError.
+    """
     kind = file.suffix.lower()
     if kind not in (".xml", ".urdf"):
         raise StoreError(f"{file}: ends in {kind or 'nothing'}; .xml writes MJCF, .urdf URDF")
     check_result(file)
+    refuse_existing(file, force)
     with quiet_stdout():
         init_warp()
         files = _files(file, kind, arm, what, units, hand)
+    for path in files:
+        check_result(path)
+        refuse_existing(path, force)
     for path, text in files.items():
         write_result(path, text.encode())
         print(path)
