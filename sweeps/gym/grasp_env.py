@@ -15,7 +15,6 @@ from fit.arrays import joined, rows_of
 from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
 from strategies.poses.hand_outline import outline_of
-from strategies.procedures.containment import closing_names
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import SEEN, draw_prior, seen_prior
 from sweeps.episode.scores import SAMPLES, Scorer, Scores
@@ -69,12 +68,13 @@ class GraspVectorEnv(VectorEnv):
         for name, count in (("num_envs", num_envs), ("probes", probes)):
             if not _is_whole(count) or count < 1:
                 raise ValueError(f"{name}: is {count!r}; should be a whole number from 1 on")
-        self._made_with = read_settings(objects, settings)
-        known = closing_names(self._made_with.cell.hand)
-        for name, values, valid in (("closings", closings, known),
-                                    ("procedures", procedures, PROCEDURES)):
-            if isinstance(values, str) or not values or not set(values) <= set(valid):
-                raise ValueError(f"{name}: are {values!r}; should be some of {', '.join(valid)}")
+        if isinstance(procedures, str) or not procedures or not set(procedures) <= set(PROCEDURES):
+            raise ValueError(f"procedures: are {procedures!r}; should be some of "
+                             f"{', '.join(PROCEDURES)}")
+        if isinstance(closings, str) or not closings:
+            raise ValueError(f"closings: are {closings!r}; should be names such as "
+                             "(\"curl40\",)")
+        self._made_with = read_settings(objects, settings, procedures, closings)
         if render_mode not in (None, *RENDER_MODES):
             raise ValueError(f"render_mode: is {render_mode!r}; should be one of None, "
                              f"{', '.join(RENDER_MODES)}")
