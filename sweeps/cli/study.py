@@ -69,6 +69,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
     from sweeps.run.plan import plan_study, same_bodies
     from sweeps.spec.objects import floating_notes
     from sweeps.spec.reader import read_spec
+    from sweeps.spec.strategies import idle_grasp_notes
     from sweeps.text_table import json_record, print_json
     from warpgrasp.core.plain_text import on_one_line
 
@@ -90,7 +91,7 @@ def check(spec: Path, /, *, set_: Settings = None, pilot: Path | None = None,
                  "episodes": f"{study.cell_count * study.head.episodes_per_cell}",
                  "units": f"{plan.unit_count}", **dict(estimate_cost(plan))}
     if warnings := [*false_contact_warnings(study), *same_bodies(study),
-                    *floating_notes(study.objects)]:
+                    *floating_notes(study.objects), *idle_grasp_notes(study)]:
         rows["warning"] = "; ".join(warnings)
     if pilot is not None:
         from sweeps.race.power import power_row

@@ -15,6 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(__name__, submod_attrs={
     "reader": ["read_spec", "resolve", "spec_text"],
     "search": ["Factor", "Search", "canonical_search", "refuse_search", "search_of",
         "with_points"],
+    "strategies": ["idle_grasp_notes"],
     "study": ["Axis", "Body", "ARM_KEY", "FILE_KEYS", "HAND_KEY", "Study", "StudyTable"],
     "template": ["spec_template"],
     "toml_reader": ["read_content"],

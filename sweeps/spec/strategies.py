@@ -1,6 +1,6 @@
 """The `[[strategy]]` tables of a spec: waypoint families, closing paths, order of procedures."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 from math import isfinite
 from pathlib import Path
@@ -12,7 +12,7 @@ from strategies.ready_made import REFERENCE, STRATEGIES
 from strategies.strategy import BUDGET_KEYS, PROCEDURES, Strategy
 from sweeps.spec.errors import KeyPath, Problems, check_name, choose, short
 from sweeps.spec.named_files import CSV_LIMIT, NoFile, named_file
-from sweeps.spec.study import REFITTED
+from sweeps.spec.study import REFITTED, Study
 from sweeps.spec.units import read_table
 
 NUMBERS = ("refit_every", "noise_stream")
@@ -37,6 +37,20 @@ def read_strategies(values: Any, base_dir: Path, problems: Problems) -> tuple[St
         elif strategy:
             found.append(strategy)
     return tuple(found)
+
+
+def idle_grasp_notes(study: Study) -> Iterator[str]:
+    """What to say of a strategy that tells of grasps, where no order that it is run with has one.
+
+    That is no error: a study may sweep the order, or come to it by `--set`.
+    """
+    for strategy in study.strategies:
+        usual = STRATEGIES.get(strategy.name, Strategy(strategy.name))
+        given = [key for key in ("waypoints", "closings", "refit_every")
+                 if getattr(strategy, key) != getattr(usual, key)]
+        if given and not strategy.call and not study.reaches(strategy, "strategy.closings"):
+            yield (f"strategy {strategy.name}: {', '.join(given)} count for grasps alone, and its "
+                   'order has no "containment"')
 
 
 def _read_strategy(table: Any, path: KeyPath, base_dir: Path,

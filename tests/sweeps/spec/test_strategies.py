@@ -15,6 +15,7 @@ from sweeps.run.plan import _file_hash, plan_study, study_of
 from sweeps.spec.errors import SpecError
 from sweeps.spec.objects import object_of_argument
 from sweeps.spec.reader import read_spec
+from sweeps.spec.strategies import idle_grasp_notes
 from warpgrasp.objects.catalogue_names import NAME_LIMIT
 
 MINE = '[[strategy]]\nname = "mine"\n'
@@ -68,6 +69,22 @@ def test_keys_that_say_nothing_of_a_ready_made_planner(tmp_path: Path, line: str
     file.write_text('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "any-object"\n' + line)
     with pytest.raises(SpecError, match=r"study\.toml:5: .*has no meaning beside"):
         read_spec(file)
+
+
+def test_what_counts_for_grasps_alone_is_told_where_there_are_none(tmp_path: Path) -> None:
+    file = tmp_path / "study.toml"
+    text = ('schema = 1\nobjects = ["block"]\n[[strategy]]\nname = "contour-only"\n'
+            'closings = ["curl55"]\nrefit_every = 2\n')
+    file.write_text(text)
+    assert [*idle_grasp_notes(read_spec(file))] == [
+        "strategy contour-only: closings, refit_every count for grasps alone, and its order has no "
+        '"containment"']
+    for more in ('order = ["contour", "containment"]\n',
+                 '[sweep.grid]\n"strategy.order" = [["contour"], ["containment"]]\n'):
+        file.write_text(text + more)
+        assert not [*idle_grasp_notes(read_spec(file))]
+    file.write_text(text[:text.index("closings")])
+    assert not [*idle_grasp_notes(read_spec(file))]
 
 
 RING, DECIDE = '[[strategy]]\nname = "ring6"\n', '[[strategy]]\nname = "coarse-to-fine"\n'
