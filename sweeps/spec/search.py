@@ -34,6 +34,8 @@ COUNTS = {"trials": (60, 2, 100_000), "round": (20, 2, 10_000), "finalists": (10
 """Keys beside the factors: default, least and most."""
 LARGEST = 2.0**53
 """Of the numbers of a range: up to it all whole ones differ."""
+ENDS_LIMIT = 20_000
+"""Points that are checked before a search: some seconds' worth."""
 
 
 @dataclass(frozen=True)
@@ -252,13 +254,17 @@ def with_points(study: Study, search: Search, points: Sequence[Mapping[str, Any]
 
 def with_ends(study: Study, keys: Collection[str]) -> Study:
     """The study with the ends of what is searched of `keys`, and their values nearest to zero, as
-    settings; itself where nothing of them is searched."""
-    factors = study.search.factors if study.search else ()
+    settings; itself where nothing of them is searched. SpecError where these are too many."""
+    factors = [f for f in (study.search.factors if study.search else ()) if f.key in keys]
     points: list[dict[str, Any]] = [{}]
-    for factor in factors:
-        if factor.key in keys:
-            points = [{**point, factor.key: value} for point in points for value in (
-                factor.extremes if factor.is_open(point, keys) else (None,))]
+    for n, factor in enumerate(factors, 1):
+        if len(points) * len(factor.extremes) > ENDS_LIMIT:
+            raise SpecError([Problem("[search]", ", ".join(f.key for f in factors[:n]), (
+                f"has {len(points) * len(factor.extremes):,} combinations of choices and ends of "
+                f"ranges, which are checked together; should be {ENDS_LIMIT:,} at most, with fewer "
+                "choices, or ranges in their place"))])
+        points = [{**point, factor.key: value} for point in points for value in (
+            factor.extremes if factor.is_open(point, keys) else (None,))]
     if study.search is None or points == [{}]:
         return study
     return replace(with_points(study, study.search, points), search=study.search)

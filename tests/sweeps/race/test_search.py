@@ -297,6 +297,16 @@ def test_refusals(tmp_path: Path, line: str, message: str) -> None:
     assert message in str(caught.value)
 
 
+def test_a_space_of_too_many_ends_is_refused(tmp_path: Path) -> None:
+    """Every point was checked: it took hours."""
+    lines = "".join(f'"pads.{key}" = [{", ".join(str(20 + n / 10) for n in range(40))}]\n'
+                    for key in ("length_mm", "width_mm", "wrap_deg", "rest_ohm"))
+    with pytest.raises(SpecError, match=r"pads.length_mm, pads.width_mm, pads.wrap_deg: has 64,000 "
+                       "combinations .* should be 20,000 at most"):
+        read_spec(write_spec(tmp_path, SPEC.replace("[search]\n", (
+            'order = ["containment", "planar"]\n[search]\n')) + lines))
+
+
 @pytest.mark.parametrize("line", ['"strategy.count" = [5]', '"strategy.count" = [5, 5]',
                                   '"strategy.count" = { low = 5, high = 6, step = 2 }'])
 def test_a_space_of_one_point_is_refused(tmp_path: Path, line: str) -> None:
