@@ -73,7 +73,8 @@ def spec_words(table: type[Table]) -> type[Table]:
     @wraps(make)
     def init(self: Any, *values: Any, **words: Any) -> None:
         found = {}
-        for name, value in zip(named, values, strict=False):  # too many are refused below
+        given = [_plain(of, value) for of, value in zip(named.values(), values, strict=False)]
+        for name, value in zip(named, given, strict=False):
             _check(table.__name__, named[name], name, value, same)
         for word, value in words.items():
             name, to_si = (word, same) if word in named else known.get(word, ("", same))
@@ -85,9 +86,11 @@ def spec_words(table: type[Table]) -> type[Table]:
             if name in found:  # in both units
                 raise TypeError(f"{table.__name__}: {word_of(name)[0]} and {name} are the same; "
                                 "give one")
+            value = _plain(named[name], value)
             _check(table.__name__, named[name], word, value, to_si)
             found[name] = each(to_si, value)
-        make(self, *values, **found)
+        # too many values are refused here
+        make(self, *(each(same, value) for value in given), *values[len(given):], **found)
 
     table.__init__ = init  # type: ignore[method-assign]
     return table
@@ -102,6 +105,13 @@ def reckoned(table: Table, **values: Any) -> Table:
     return changed
 
 
+def _plain(of: Any, value: Any) -> Any:
+    """A value of a field without NumPy's arrays, but for one of numbers of worlds, where the
+    field's own is a single number."""
+    alone = isinstance(value, np.ndarray) and (value.ndim == 0 or isinstance(of.default, tuple))
+    return value.tolist() if alone else value
+
+
 def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], float]) -> None:
     """Raise ValueError where a value is none of its field's choices, not of its kind, or no number
     or list of them within its bounds. Arrays are of worlds and are not looked at."""
@@ -112,7 +122,7 @@ def _check(table: str, of: Any, word: str, value: Any, to_si: Callable[[float], 
         return
     if value is of.default or (isinstance(value, np.ndarray) and value.ndim):
         return
-    if isinstance(value, np.ndarray | np.generic):
+    if isinstance(value, np.generic):
         value = value.item()
     for kind, wanted in ((bool, "True or False"), (str, "a text")):
         if isinstance(of.default, kind) and not isinstance(value, kind):

@@ -3,6 +3,7 @@
 import math
 from dataclasses import fields, replace
 from math import radians
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,6 +81,20 @@ def test_numbers_of_numpy_are_numbers() -> None:
     assert FitTable(taper=np.True_).taper  # type: ignore[arg-type]
     assert HandTable(link_density_kg_m3=np.array(1000.0)).link_density_kg_m3 == 1000.0  # type: ignore[arg-type]
     assert SensorTable(tension_readings=np.int64(3)).tension_readings == 3  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("lengths", [[43, 33, 28], np.array([43.0, 33.0, 28.0])])
+def test_lists_and_arrays_of_one_table_are_tuples(lengths: Any) -> None:
+    """So that a table is hashable and its numbers are checked, whatever it was made of."""
+    hand: Any = HandTable
+    metres = [entry / 1e3 for entry in lengths]
+    table = hand(link_length_mm=lengths)
+    assert table.link_length_m == (0.043, 0.033, 0.028)
+    assert table == hand("utah_mit", HandTable().abduction_offset_m, metres)
+    assert hash(table) == hash(hand(link_length_m=np.array(metres)))
+    assert hash(hand(link_radius_m=np.array(0.008))) == hash(hand(link_radius_m=0.008))
+    with pytest.raises(ValueError, match=r"HandTable: link_length_m is .*; should be 3 numbers"):
+        hand(link_length_m=np.array([np.nan, 0.033, 0.028]))
 
 
 def test_errors_and_their_scale_may_go_beyond_the_bounds_of_each() -> None:
