@@ -97,12 +97,11 @@ class BoundingBox(BoundingCylinder):
 def check_prior(prior: BoundingCylinder) -> None:
     """Raise ValueError or TypeError for a prior that is no cylinder or box: of numbers that are not
     finite, or sizes that are not above 0."""
-    boxed = isinstance(prior, BoundingBox)
-    if boxed:
-        check_array("prior.half_m", prior.half_m, "numbers", "world 2", world=prior.worlds)
-        check_array("prior.yaw_rad", prior.yaw_rad, "numbers", "world", world=prior.worlds)
-    for name in ("x_m", "y_m", "radius_m", "height_m", *(("half_m", "yaw_rad") if boxed else ())):
-        value = np.asarray(getattr(prior, name))
+    sizes = ("half_m", "yaw_rad") if isinstance(prior, BoundingBox) else ()
+    for name in ("x_m", "y_m", "radius_m", "height_m", *sizes):
+        value = getattr(prior, name)
+        check_array(f"prior.{name}", value, "numbers",
+                    "world 2" if name == "half_m" else "world", world=prior.worlds)
         check_finite(f"prior.{name}", value)
         if name in ("radius_m", "height_m", "half_m") and (value <= 0.0).any():
             world = int(np.argwhere(value <= 0.0)[0, 0])

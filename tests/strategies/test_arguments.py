@@ -29,6 +29,8 @@ def test_a_prior_has_a_number_for_each_world() -> None:
     for x_m in (0.45, np.zeros(3), np.zeros((2, 1))):
         with pytest.raises(ValueError, match=r"x_m, y_m, .* are of shapes .*, \(2,\), .*; should "):
             replace(PRIOR, x_m=x_m)
+    with pytest.raises(TypeError, match=r"prior.y_m: is list; should be a NumPy array of numbers"):
+        waypoint_poses([Ring()], replace(PRIOR, y_m=[0.0, 0.0]), HandTable(), KEY)  # type: ignore[arg-type]
 
 
 def test_waypoints_want_a_key_for_each_world_and_a_list() -> None:
