@@ -131,7 +131,8 @@ class Robot:
         mount, which arm and hand share, or is another hand, or where errors could make a factor
         zero or less; HandError for a hand that cannot be used.
         """
-        if isinstance(bodies, Body) or not all(isinstance(each, Body) for each in bodies):
+        if not isinstance(bodies, Sequence) or not bodies or not all(
+                isinstance(each, Body) for each in bodies):
             raise ValueError(f"bodies: are {bodies!r:.80}; should be a list of Body, such as "
                              '[body_from_name("block")]')
         for name, value, kind in (("truth", truth, Truth), ("arm", arm, ArmTable),

@@ -6,6 +6,8 @@ threshold. The joint angles and tensions read at the stops become contacts in
 `strategies.recovery.evidence`.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from strategies.poses.chain_paths import chain_commands, chain_path_names
@@ -23,7 +25,7 @@ def closing_names(hand: HandTable) -> tuple[str, ...]:
 
 def check_closings(closings: tuple[str, ...], hand: HandTable) -> None:
     """Raises ValueError where no list of names is given, KeyError for paths a hand has not."""
-    if isinstance(closings, str) or not closings:
+    if isinstance(closings, str) or not isinstance(closings, Sequence) or not closings:
         raise ValueError(f"closings: are {closings!r}; should be names such as (\"curl40\",)")
     known = closing_names(hand)
     for name in closings:

@@ -72,10 +72,10 @@ def test_closing_paths_that_there_are_are_named(kind: str) -> None:
 
 
 def test_what_is_no_list_of_closing_paths_or_bodies_is_refused() -> None:
-    for closings in ((), "curl40"):
+    for closings in ((), "curl40", (name for name in ("curl40",))):
         with pytest.raises(ValueError, match=r'closings: are .*; should be names such as'):
             padded_commands(closings)  # type: ignore[arg-type]
-    for bodies in (["block"], body_from_name("block")):
+    for bodies in (["block"], body_from_name("block"), [], None):
         with pytest.raises(ValueError, match=r"bodies: are .*; should be a list of Body"):
             Robot(bodies, np.zeros(1, int), Truth(POSE), KEY,  # type: ignore[arg-type]
                   ArmTable(), HandTable(), SensorTable())
