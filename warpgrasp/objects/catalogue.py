@@ -9,6 +9,7 @@ from dataclasses import replace
 from difflib import get_close_matches
 from functools import cache
 from math import cos, radians, sin
+from numbers import Integral
 from pathlib import Path
 from typing import Any
 
@@ -35,6 +36,8 @@ _LARGEST_COMPOUND = 64
 def body_from_name(name: str) -> Body:
     """An object of the catalogue, or a member of a family such as "mug-17". Raises BodyError
     listing what there is for an unknown name."""
+    if not isinstance(name, str):
+        raise BodyError(f"an object's name is {_short(name)}: a text such as \"block\" is wanted")
     if member_of_family(name):
         from warpgrasp.objects.families import family_table  # needs Warp, for random numbers
 
@@ -59,7 +62,7 @@ def body_from_name(name: str) -> Body:
     return _body(name, (part,), doc)
 
 
-def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
+def body_from_table(table: Mapping[str, Any], base_dir: Path | str) -> Body:
     """An object of a spec's table; relative paths are relative to `base_dir`.
 
     `{mesh = "mug.stl", units = "cm"}`, `{name = "mug", compound = [...]}`, `{name = "egg",
@@ -69,14 +72,17 @@ def body_from_table(table: Mapping[str, Any], base_dir: Path) -> Body:
     With `stable_pose = 2` the object lies in the second of its stable poses. Raises BodyError, also
     where the longest side of the object is not of 5 mm to 1 m.
     """
+    if not isinstance(table, Mapping):
+        raise BodyError(f"an object is {_short(table)}: a table such as "
+                        '{"mesh": "mug.stl", "units": "cm"} is wanted')
     number = table.get("stable_pose")
-    body = _standing_body({k: v for k, v in table.items() if k != "stable_pose"}, base_dir)
+    body = _standing_body({k: v for k, v in table.items() if k != "stable_pose"}, Path(base_dir))
     if number is None:
         return body
-    if type(number) is not int:
+    if not isinstance(number, Integral) or isinstance(number, bool):
         raise BodyError(f"stable_pose = {_short(number)}: a whole number is wanted, 1 for the "
                         "likeliest pose")
-    return body_in_stable_pose(body, number)
+    return body_in_stable_pose(body, int(number))
 
 
 def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
@@ -114,7 +120,7 @@ def _standing_body(table: Mapping[str, Any], base_dir: Path) -> Body:
                                  superquadric=part.superquadric),), "superquadric",
                      on_table=any(part.superquadric[5:8]))
     parts = table["compound"]
-    if not isinstance(parts, list) or not 0 < len(parts) <= _LARGEST_COMPOUND:
+    if not isinstance(parts, (list, tuple)) or not 0 < len(parts) <= _LARGEST_COMPOUND:
         raise BodyError(f"{name}: compound wants a list of 1 to {_LARGEST_COMPOUND} tables")
     return _body(name, tuple(_placed_part(p, k, base_dir) for k, p in enumerate(parts)),
                  "compound", on_table=True)
@@ -202,10 +208,12 @@ def _numbers(table: Mapping[str, Any], key: str, count: int, low: float, high: f
     value = table.get(key, default)
     if value is None:
         raise BodyError(f"{table.get('shape', 'object')}: {key} is missing")
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
     values = value if isinstance(value, (list, tuple)) else [value]
     good = len(values) == count and all(
-        isinstance(v, (int, float)) and not isinstance(v, bool) and low <= v <= high
-        for v in values)
+        isinstance(v, (int, float, np.integer, np.floating)) and not isinstance(v, bool)
+        and low <= v <= high for v in values)
     if not good:
         wanted = f"{count} numbers" if count > 1 else "a number"
         raise BodyError(f"{table.get('shape', 'object')}: {key} = {_short(value)}: {wanted} from "

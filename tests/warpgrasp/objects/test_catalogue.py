@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from warpgrasp.geometry.body import BodyError, distance_to_bodies, scene_of
-from warpgrasp.objects.catalogue import body_from_table, profile_from_csv
+from warpgrasp.objects.catalogue import body_from_name, body_from_table, profile_from_csv
 
 EGG = {"size_mm": [30, 30, 40], "exponents": [1, 1]}
 
@@ -164,3 +164,16 @@ def test_one_limit_of_names(tmp_path: Path) -> None:
     assert body_from_table({"name": "n" * 80, "superquadric": EGG}, tmp_path)
     with pytest.raises(BodyError, match="1 to 80 characters"):
         body_from_table({"name": "n" * 81, "superquadric": EGG}, tmp_path)
+
+
+def test_tables_may_hold_what_python_has_for_lists_and_numbers(tmp_path: Path) -> None:
+    plain = {"name": "post", "compound": [{"shape": "block", "size_mm": [30, 30, 40]}]}
+    numpy = {"name": "post", "compound": ({"shape": "block", "size_mm": np.array([30, 30, 40])},)}
+    body, same = (body_from_table(plain, tmp_path), body_from_table(numpy, str(tmp_path)))
+    assert (body.low_m, body.high_m) == (same.low_m, same.high_m)
+    assert body_from_table({"object": "block", "stable_pose": np.int64(1)}, "").high_m[2] < 0.1
+    for wrong in ("block", None, [plain]):
+        with pytest.raises(BodyError, match="a table such as"):
+            body_from_table(wrong, tmp_path)  # type: ignore[arg-type]
+    with pytest.raises(BodyError, match="an object's name is 3: a text such as"):
+        body_from_name(3)  # type: ignore[arg-type]
