@@ -105,9 +105,9 @@ def wanted_of(probe: Probe, worlds: int, hand: HandTable) -> np.ndarray:
         for name, width in (("foot_m", 3), ("direction", 3), ("length_m", 0), ("radius_m", 0)):
             value = _whole(f"FollowContour.axis.{name}", getattr(probe.axis, name))
             shape = (worlds, width) if width else (worlds,)
-            if value.shape != shape:
-                raise ProbeError(f"FollowContour.axis.{name} has shape {value.shape}; "
-                                 f"should be {shape}")
+            if value.shape != shape or value.dtype.kind not in "fiu":
+                raise ProbeError(f"FollowContour.axis.{name} is {value.dtype} of shape "
+                                 f"{value.shape}; should be numbers of shape {shape}")
         return _mask("FollowContour.wanted", probe.wanted, (worlds,))[:, None]
     raise ProbeError(f"answered with {type(probe).__name__} in a list; should be a list of "
                      f"{_PROBES}")

@@ -133,5 +133,11 @@ def axis_without_radius(belief):
     return [FollowContour(axis)]
 
 
+def axis_of_words(belief):
+    axis = Axis.upright(*(belief.prior.x_m, belief.prior.y_m, belief.prior.height_m,
+                          belief.prior.radius_m))
+    return [FollowContour(replace(axis, radius_m=np.full(belief.worlds, "wide")))]
+
+
 def masked_pose(belief):
     return [Grasp(np.ma.masked_array(_six(belief), mask=True))]
