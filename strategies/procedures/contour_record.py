@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fit.option_checks import check_counts, check_number, check_numbers
 from strategies.procedures.touches import MissedTips, TouchTable, check_lengths
 
 
@@ -60,6 +61,17 @@ class ContourOptions:
 
     def __post_init__(self) -> None:
         check_lengths(self, "step_m", "finest_step_m", "retreat_m")
+        check_numbers(self, "swing_rad", low=-np.pi, high=np.pi)
+        check_numbers(self, "table_clear_m", low=-1.0, high=1.0)
+        check_counts(self, most_blocked=1)
+        if self.most_sections is not None:
+            check_counts(self, most_sections=1)
+        for name, usual in (("beyond_m", (0.005, -0.003)), ("sidesteps_m", (0.0,))):
+            lengths = getattr(self, name)
+            if not isinstance(lengths, tuple | list) or len(lengths) < len(usual):
+                raise ValueError(f"{name}: {lengths!r}, should be lengths [m] such as {usual}")
+            for length in lengths:
+                check_number(name, length, low=-1.0, high=1.0)
 
 
 @dataclass(frozen=True)

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fit.option_checks import check_counts, check_numbers
 from strategies.procedures.touches import MissedTips, TouchTable, check_lengths
 
 DIRECTIONS = 4  # along u both ways, then along v both ways
@@ -37,6 +38,8 @@ class PlanarOptions:
     def __post_init__(self) -> None:
         check_lengths(self, "interval_m", "stand_off_m", "search_m", "step_m", "edge_drop_m",
                       "fall_drop_m")
+        check_numbers(self, "clear_m", "table_clear_m", low=-1.0, high=1.0)
+        check_counts(self, most_steps=1, most_blocked=1)
 
 
 @dataclass(frozen=True)

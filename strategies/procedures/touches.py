@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass, fields
 from enum import IntEnum
+from numbers import Real
 
 import numpy as np
 
@@ -196,6 +197,7 @@ def true_touches(table: TouchTable, truth: Truth) -> tuple[np.ndarray, np.ndarra
 def check_lengths(options: object, *names: str) -> None:
     """Raises ValueError for options of a procedure whose lengths of these names are no lengths."""
     for name in names:
-        if not SHORTEST_M <= getattr(options, name) < 1.0:
-            raise ValueError(f"{type(options).__name__}.{name} is {getattr(options, name)!r}; "
+        value = getattr(options, name)
+        if not isinstance(value, Real) or not SHORTEST_M <= float(value) < 1.0:
+            raise ValueError(f"{type(options).__name__}.{name} is {value!r}; "
                              f"should be from {SHORTEST_M:g} to 1 m")

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 from strategies.procedures.contour_follower import explore_contour, section_circle
 from strategies.procedures.contour_record import Axis, ContourOptions
 from strategies.procedures.contour_shape import match_profiles, profile_of, radius_at
+from strategies.procedures.planar_record import PlanarOptions
 from strategies.procedures.touches import REASON_TEXT, EndReason, true_touches
 from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
@@ -203,6 +204,20 @@ def test_an_axis_of_no_length_is_a_bad_start(wrong: float) -> None:
     assert list(e.reason) == [EndReason.BAD_START] * 2
     with pytest.raises(ValueError, match=r"wanted: .* \(world 2,\)"):
         explore_contour(robot, a, wanted=np.ones(3, bool))
+
+
+@pytest.mark.parametrize(("kind", "wrong"), [
+    (PlanarOptions, {"most_steps": "a"}), (PlanarOptions, {"most_steps": 1.5}),
+    (PlanarOptions, {"most_blocked": 0}), (PlanarOptions, {"clear_m": np.nan}),
+    (PlanarOptions, {"step_m": "6 mm"}), (ContourOptions, {"table_clear_m": np.inf}),
+    (ContourOptions, {"swing_rad": np.nan}), (ContourOptions, {"most_sections": 0}),
+    (ContourOptions, {"most_blocked": None}), (ContourOptions, {"beyond_m": (0.005,)}),
+    (ContourOptions, {"sidesteps_m": ()}), (ContourOptions, {"sidesteps_m": (0.0, np.nan)}),
+])
+def test_options_of_procedures_are_numbers_that_can_be_gone_by(kind: type, wrong: dict) -> None:
+    """A planner's ended all episodes that ran with it, instead of being its fault."""
+    with pytest.raises(ValueError, match=rf"{next(iter(wrong))}\b.*, should be|; should be from"):
+        kind(**wrong)
 
 
 def test_an_axis_that_misses_and_other_bad_input() -> None:
