@@ -15,6 +15,7 @@ from fit.arrays import joined, rows_of
 from strategies.exploration import RunningExploration
 from strategies.planners.from_strategy import Budget
 from strategies.poses.hand_outline import outline_of
+from strategies.procedures.possible import fault_status
 from sweeps.episode.episodes import place_objects
 from sweeps.episode.given_prior import SEEN, draw_prior, seen_prior
 from sweeps.episode.scores import SAMPLES, Scorer, Scores
@@ -117,8 +118,9 @@ class GraspVectorEnv(VectorEnv):
         prior = self._merged([
             draw_prior(body, self._truth.body_pose[mine], cell.placement, key[mine])
             for body, mine in self._worlds_of()])
+        self._unseen = np.full(self.num_envs, "", object)
         if cell.placement.prior in SEEN:
-            prior, _ = seen_prior(robot, prior, cell.stereo, cell.placement.prior)
+            prior, self._unseen = seen_prior(robot, prior, cell.stereo, cell.placement.prior)
         self._run = RunningExploration(
             robot, prior, counter_key(key, int(Purpose.STRATEGY)), cell.fit, self._closings,
             Budget(steps=None))
@@ -207,10 +209,13 @@ class GraspVectorEnv(VectorEnv):
                        self._slots)
 
     def _info(self) -> dict[str, Any]:
-        """What only the one who scores knows, and where an action could not be carried out."""
+        """What only the one who scores knows, how each episode stands as in a sweep's row, and what
+        is at fault where it failed."""
         names = np.array(self._made_with.names, object)[self._which]
+        fault = np.where(self._unseen != "", self._unseen, self._run.fault)
+        status = np.where(fault != "", fault_status(fault), self._run.status())
         known = {"chamfer_mm": self._chamfer_mm.copy(), "object": names,
-                 "status": self._run.status(), "touches": self._run.belief.touches.copy(),
+                 "status": status, "note": fault, "touches": self._run.belief.touches.copy(),
                  "robot_time_s": self._run.belief.time_s.copy()}
         return known | {f"_{name}": np.ones(self.num_envs, bool) for name in known}
 

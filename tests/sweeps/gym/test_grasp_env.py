@@ -249,6 +249,19 @@ def test_a_box_is_told_by_its_sides_and_twice_its_yaw() -> None:
     assert np.sin(turned) == pytest.approx(0.0, abs=1e-12)
 
 
+@pytest.mark.parametrize("prior", ["silhouettes", "depth"])
+def test_an_object_that_no_camera_sees_whole_is_told_as_in_a_sweep(prior: str) -> None:
+    """The prior that was drawn stood for the one seen, without a word."""
+    worlds = GraspVectorEnv(2, probes=1, settings={
+        "object": {"prior": prior}, "stereo": {"field_of_view_deg": 3, "pixels": 16}})
+    _, info = worlds.reset(seed=1)
+    assert list(info["status"]) == ["strategy_failed"] * 2
+    assert all(f"object.prior {prior}: the object is not seen whole" in note
+               for note in info["note"])
+    _, info = GraspVectorEnv(2, probes=1).reset(seed=1)
+    assert list(info["note"]) == [""] * 2
+
+
 def test_pictures_are_of_every_world() -> None:
     worlds = gymnasium.make_vec("warpgrasp/Grasp-v0", num_envs=2, probes=1,
                                 render_mode="rgb_array")
