@@ -22,7 +22,7 @@ from sweeps.analysis.entries import (
     setting_index,
     value_text,
 )
-from sweeps.output import atomic_file
+from sweeps.output import atomic_file, note
 from sweeps.run.grown_units import begun_in
 from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
 from sweeps.run.race_record import race_of, read_race_note, taken_blocks
@@ -41,15 +41,22 @@ def read_rows(*folders: str | Path) -> pa.Table:
     """Every finished episode of a study, a row each; `.to_pandas()` where pandas is installed.
 
     Beside the columns of the units, `setting` numbers the point of the swept axes, and each swept
-    key is a column of its own, as text. `folders` hold one study, or its shards. Raises StoreError
-    for a directory that cannot be read or the race of a search, or where no unit is finished,
-    OtherStudy where they are not of one study.
+    key is a column of its own, as text. `folders` hold one study, or its shards. Units that are
+    missing, failed or damaged are told on stderr. Raises StoreError for a directory that cannot be
+    read or the race of a search, or where no unit is finished, OtherStudy where they are not of one
+    study.
     """
+    if not folders:
+        raise StoreError("read_rows: no directory is named; should be that of a study")
     plan, stores = open_study([Path(folder) for folder in folders])
     parts: list[pa.Table] = []
+    units = failed = 0
     for unit, setting in _units(plan, stores):
+        units += 1
         rows = _first(store.read(unit) for store in stores)
-        if rows is not None:
+        if rows is None:
+            failed += any(store.log(unit).exists() for store in stores)
+        else:
             count = len(rows["status"])
             rows = rows | {"setting": np.full(count, setting, np.int64)} | {
                 key: np.full(count, str(value), object)
@@ -58,6 +65,9 @@ def read_rows(*folders: str | Path) -> pa.Table:
                                    for name, values in rows.items()}))
     if not parts:
         raise StoreError(_nothing(Path(folders[0]), 0, "episodes"))
+    for line in (*_notes(units, failed, len(parts), len(parts), "episodes"),
+                 *damaged_notes(stores)):
+        note(line)
     return pa.concat_tables(parts, promote_options="default")
 
 

@@ -188,6 +188,26 @@ def test_damaged_units_are_told_by_whoever_finds_them(
             in capsys.readouterr().err)
 
 
+def test_what_is_left_out_of_the_table_is_told_in_python_too(
+        tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The one who read a damaged unit first was never told, nor the next one."""
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    damaged, failed, *_ = plan.units()
+    store.path(damaged).write_bytes(store.path(damaged).read_bytes()[:200])
+    store.path(failed).unlink()
+    store.log(failed).write_text("hung")
+    capsys.readouterr()
+    lost = damaged.stop - damaged.start + failed.stop - failed.start
+    assert len(read_rows(store.folder)) == 2 * 2 * 70 - lost
+    said = capsys.readouterr().err
+    for line in ("1 of 8 units failed and have no rows", "1 of 8 units are missing",
+                 "1 damaged unit set aside"):
+        assert line in said
+    with pytest.raises(StoreError, match="no directory is named"):
+        read_rows()
+
+
 @fake_episodes.cell_by_cell
 def of_two_hands(cell: Cell, episodes: np.ndarray, device: str) -> Columns:
     """Contacts with more joints in one setting; on one object none."""
