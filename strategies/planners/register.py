@@ -34,8 +34,12 @@ def planner(name: str, doc: str = "") -> Callable[[Maker], Maker]:
     """Register a planner under a name, for `strategy = "name"` in a spec.
 
     A planner of a file that a spec names is found in its file, and under this name nowhere. Raises
-    ValueError for the name of a strategy that ships.
+    ValueError for the name of a strategy that ships, TypeError for what is no name.
     """
+    if not isinstance(name, str) or not name:
+        raise TypeError(f"planner: its name is {name!r:.80}; should be a text, as in "
+                        '@planner("mine", "grasps where it likes")')
+
     def register(found: Maker) -> Maker:
         if not str(getattr(found, "__module__", "")).startswith("strategies.planners."):
             if name in STRATEGIES:

@@ -58,3 +58,14 @@ def test_no_planner_takes_the_place_of_one_that_ships(tmp_path: Path) -> None:
     with pytest.raises(PlannerError, match=r"mine\.py:4: ValueError: planner 'coverage': a strat"):
         find_planner(f"{file}:mine")
     assert find_planner("coverage") is before
+
+
+def test_a_decorator_without_a_name_is_told_with_the_line(tmp_path: Path) -> None:
+    """What was registered answered with the belief itself, in every episode."""
+    file = tmp_path / "mine.py"
+    for decorator in ("@planner", "@planner(3)", '@planner("")'):
+        file.write_text("from strategies.planners.register import planner\n"
+                        f"{decorator}\ndef f(belief):\n    return []\n")
+        with pytest.raises(PlannerError, match=r"mine\.py:[23]: TypeError: planner: its name is "
+                           r".*; should be a text, as in @planner\(\"mine\""):
+            find_planner(f"{file}:f")
