@@ -39,6 +39,8 @@ FRAMED = f"the grasp frame is the URDF's link {FRAME_LINK}"
 _CENTRED = 0.05
 """Shapes are about their frame's origin if their middle is nearer to it than this share of their
 farthest point [est]."""
+_TOLD_M = 5e-6
+"""How far off a shape is from which on it is told."""
 _ARM = 4
 """Joints in a row that carry all fingers are an arm's from so many on, not a wrist's [est]."""
 
@@ -94,7 +96,7 @@ def hand_from_urdf(
     where = [("palm", model.palm), *((f"joint {j.name}", j.shapes) for j in model.joints)]
     fits = tuple(f"{name}: a {'capsule' if isinstance(shape, Capsule) else 'box'} stands for a "
                  f"mesh or cylinder, off by at most {shape.fit_error_m * 1e3:.2f} mm"
-                 for name, shapes in where for shape in shapes if shape.fit_error_m)
+                 for name, shapes in where for shape in shapes if shape.fit_error_m > _TOLD_M)
     before = {joint.name for joint in tree.path(root)}
     beside = [joint.name for joint in tree.joint_to.values()
               if joint.turns and joint.name not in beyond | before]

@@ -60,7 +60,8 @@ class UrdfJoint:
     child: str
     origin: np.ndarray
     kind: str
-    """The file's word: revolute, continuous, fixed, or one that no hand and no arm has."""
+    """The file's word: revolute, continuous, fixed, or one that no hand and no arm has. A joint
+    that follows another and has limits of zero, as of a form not filled in, is continuous."""
     axis: np.ndarray
     low_rad: float
     """Of a joint that slides [m]; infinite where the file does not say it."""
@@ -242,7 +243,8 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
             np.isfinite(origin).all() and np.isfinite(axis).all()):
         raise HandError(f"{where}: origin or axis is not of three finite numbers; should be, as in "
                         '<axis xyz="0 0 1"/>')
-    turns = given.type in _TURNING
+    kind = str(given.type)
+    turns = kind in _TURNING
     low, high, effort, speed = -math.pi, math.pi, 0.0, 0.0
     size = float(np.linalg.norm(axis))
     if turns and size < 1e-9:
@@ -253,14 +255,16 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
         if limit is not None:
             effort, speed = float(limit.effort or 0.0), float(limit.velocity or 0.0)
             effort = effort if effort < NO_LIMIT_NM else 0.0
-        if given.type == "revolute":
+        if kind == "revolute":
             if limit is None:
                 raise HandError(f"{where}: has no limit; should have lower and upper [rad]")
             low, high = float(limit.lower or 0.0), float(limit.upper or 0.0)
+            if low == high == 0.0 and given.mimic is not None:  # not filled in: as far as it is led
+                kind, low, high = "continuous", -math.pi, math.pi
             if not low < high:
                 raise HandError(f"{where}: limits from {low:g} to {high:g} rad; lower should be "
                                 "less than upper, or the joint fixed")
-    elif given.type == _SLIDING:
+    elif kind == _SLIDING:
         known = given.limit is not None
         low = float(given.limit.lower or 0.0) if known else -math.inf
         high = float(given.limit.upper or 0.0) if known else math.inf
@@ -270,8 +274,8 @@ def _joint(file: Path, given: Any) -> UrdfJoint:
         follows = (str(mimic.joint), float(mimic.multiplier), float(mimic.offset))
         if not np.isfinite(follows[1:]).all():
             raise HandError(f"{where}: multiplier or offset of its mimic is not finite; should be")
-    return UrdfJoint(given.name, given.parent, given.child, origin, str(given.type), axis, low,
-                     high, effort, speed, follows)
+    return UrdfJoint(given.name, given.parent, given.child, origin, kind, axis, low, high, effort,
+                     speed, follows)
 
 
 def _root(file: Path, links: dict[str, Any], joint_to: dict[str, UrdfJoint]) -> str:

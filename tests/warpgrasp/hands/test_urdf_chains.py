@@ -115,19 +115,20 @@ def test_a_follower_of_a_follower_that_is_held_stands_still(tmp_path: Path) -> N
 
 
 def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
-    """j2 and j3 follow j1, of limits 0 to 1.5, at twice its angle and against it; a joint without
-    limits of its own binds none."""
+    """j2 and j3 follow j1, of limits 0 to 1.5, at twice its angle and against it; joints without
+    limits of their own bind none, nor those of limits that are not filled in."""
     pytest.importorskip("yourdfpy")
     file = tmp_path / "hand.urdf"
     file.write_text(robot([
-        *map(link, ["palm", "a", "b", "c", "d"]),
+        *map(link, ["palm", "a", "b", "c", "d", "e"]),
         joint("j1", "palm", "a", limit=LIMIT.format(0, 1.5)),
         joint("j2", "a", "b", limit=LIMIT.format(0, 1.5),
               more='<mimic joint="j1" multiplier="2"/>'),
         joint("j3", "b", "c", limit=LIMIT.format(-2, -0.1),
               more='<mimic joint="j1" multiplier="-1" offset="-0.05"/>'),
         joint("j4", "c", "d", kind="continuous", limit="",
-              more='<mimic joint="j1" multiplier="9"/>')]))
+              more='<mimic joint="j1" multiplier="9"/>'),
+        joint("j5", "d", "e", limit=LIMIT.format(0, 0), more='<mimic joint="j1"/>')]))
     model, notes = hand_from_urdf(file)
     assert (model.joints[0].low_rad, model.joints[0].high_rad) == pytest.approx((0.05, 0.75))
     assert (model.joints[3].low_rad, model.joints[3].high_rad) == pytest.approx((0.45, 6.75))
@@ -135,7 +136,7 @@ def test_a_joint_turns_no_follower_beyond_its_limits(tmp_path: Path) -> None:
     # A file by hand may say less; but not that a follower is led beyond its limits.
     written = tmp_path / "hand.toml"
     written.write_text(hand_text(model))
-    assert len(hand_from_file(written).joints) == 4
+    assert len(hand_from_file(written).joints) == 5
     wide = re.sub(r"(limits_deg = \[[^,]*, )42\.97\d*", r"\g<1>60.0", hand_text(model))
     assert wide != hand_text(model)
     written.write_text(wide)
