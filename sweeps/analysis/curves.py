@@ -33,8 +33,15 @@ from sweeps.analysis.entries import (
     prior_column,
     values_of,
 )
-from sweeps.analysis.interval import ObjectMeans, sensible_ends
-from sweeps.analysis.paired import by_episode, filled, interval_note, lost_notes, reading_notes
+from sweeps.analysis.interval import ObjectMeans, completed, sensible_ends
+from sweeps.analysis.paired import (
+    by_episode,
+    filled,
+    interval_note,
+    lost_notes,
+    reading_notes,
+    unscored_note,
+)
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store
 from sweeps.run.unit_file import Columns
@@ -98,6 +105,7 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
     seed = int(plan.hash, 16)
     steps: dict[str, list[list[list[Steps]]]] = {axis: [] for axis in AXES}
     episodes, objects, priors, missing = [], [], [], 0
+    unscored = np.zeros(len(entries), int)
     given = prior_column(ERROR) or ""
     for number, body in enumerate(plan.study.objects):
         mine: dict[str, list[list[Steps]]] = {axis: [[] for _ in entries] for axis in AXES}
@@ -116,6 +124,9 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
             objects.append(body.name)
             episodes.append(own)
             priors.append(np.concatenate(of_priors, axis=1))
+            if not _lost([body.name], {"touches": [mine["touches"]]}):  # else it is named
+                unscored += [sum(not np.isfinite(error).all() for _, error in found)
+                             for found in mine["touches"]]
             for axis, of_entries in mine.items():
                 steps[axis].append(_failures_filled(of_entries, priors[-1]))
     lost = _lost(objects, steps)
@@ -126,7 +137,9 @@ def read_curves(plan: Plan, stores: Sequence[Store], over: str | None = None) ->
                   _weights(seed, episodes, over),
                   drawn, over, seed,
                   (*reading_notes(plan, missing, len(objects) - len(lost)),
-                   *lost_notes(lost, ERROR), interval_note(over)))
+                   *lost_notes(lost, ERROR),
+                   *unscored_note([entry.label for entry in entries], unscored, ERROR),
+                   interval_note(over)))
 
 
 def _lost(objects: Sequence[str], steps: dict[str, list[list[list[Steps]]]]) -> list[str]:
@@ -219,24 +232,11 @@ def mean_curve(curves: Curves, axis: str, entry: int, grid: np.ndarray) -> Estim
         if name in curves.lost:
             continue
         values = np.array([_throughout(steps, grid) for steps in found[entry]])
-        points.add(by_episode(_completed(values), own))
+        points.add(by_episode(completed(values), own))
         unknown = np.maximum(unknown, 1.0 - np.isfinite(values).mean(axis=0))
     found = sensible_ends(points.values(curves.over, bounds_of(ERROR)))
     return Estimate(*(np.where(unknown > 1.0 - KNOWN, np.nan, part)
                       for part in (found.value, found.low, found.high)))
-
-
-def _completed(values: np.ndarray) -> np.ndarray:
-    """Values (row, point) with their point's mean where they have none, and as far from it
-    elsewhere as leaves the variance of that mean what it is; 0 where a point has no value."""
-    good = np.isfinite(values)
-    rows, known = len(values), good.sum(axis=0)
-    mean = np.divide(np.where(good, values, 0.0).sum(axis=0), known, where=known > 0,
-                     out=np.zeros(values.shape[1]))
-    wider = np.sqrt(np.divide(rows * (rows - 1), known * (known - 1.0), where=known > 1,
-                              out=np.ones(values.shape[1])))
-    # what is complete stays as it is, bit for bit: its mean is a leaderboard's
-    return np.where(good, np.where(known < rows, mean + wider * (values - mean), values), mean)
 
 
 BOUNDS_MM = (5.0, 3.0)

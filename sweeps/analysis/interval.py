@@ -188,6 +188,19 @@ def _ends(mean: np.ndarray, half: np.ndarray, bounds: tuple[float, float]
     return mean - half, mean + half
 
 
+def completed(values: np.ndarray) -> np.ndarray:
+    """Values (row, point) with their point's mean where they have none, and as far from it
+    elsewhere as leaves the variance of that mean what it is; 0 where a point has no value."""
+    good = np.isfinite(values)
+    rows, known = len(values), good.sum(axis=0)
+    mean = np.divide(np.where(good, values, 0.0).sum(axis=0), known, where=known > 0,
+                     out=np.zeros(values.shape[1]))
+    wider = np.sqrt(np.divide(rows * (rows - 1), known * (known - 1.0), where=known > 1,
+                              out=np.ones(values.shape[1])))
+    # what is complete stays as it is, bit for bit: its mean is a leaderboard's
+    return np.where(good, np.where(known < rows, mean + wider * (values - mean), values), mean)
+
+
 def sensible_ends(found: Estimate) -> Estimate:
     """The estimate as a table shows it: without ends where they are beyond all reason, such as
     kilometres for a mean of millimetres."""

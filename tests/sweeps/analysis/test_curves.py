@@ -18,7 +18,6 @@ from studies import plan_of
 from sweeps.analysis.bootstrap import REPLICATES, object_weights
 from sweeps.analysis.curves import (
     Curves,
-    _completed,
     _weights,
     curves_table,
     episode_steps,
@@ -32,6 +31,7 @@ from sweeps.analysis.curves import (
     same_time_table,
 )
 from sweeps.analysis.entries import Entry, LeaderboardError
+from sweeps.analysis.interval import completed
 from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.analysis.paired import Paired
 from sweeps.figures.curves import draw_curves
@@ -188,10 +188,27 @@ def test_an_object_without_any_error_is_named_and_left_out(tmp_path: Path) -> No
     assert any("no entry has a chamfer_mm on block" in note for note in made.notes)
 
 
+def test_episodes_without_an_error_are_counted(tmp_path: Path) -> None:
+    """They count as the worst all along. An object on which nothing has an error is left out."""
+
+    def rows(unit: Unit) -> Columns:
+        errors = np.arange(1.0, 9.0)
+        errors[:3] = np.nan
+        lost = unit.cell.object_name == "block"
+        return {"chamfer_mm": np.full(8, np.nan) if lost else errors,
+                "robot_time_s": np.full(8, 50.0)}
+
+    plan, store = written(tmp_path, 3, rows)
+    made = curves_table(read_curves(plan, [store]))
+    assert [note for note in made.notes if "count as the worst" in note] == [
+        "episodes without a chamfer_mm count as the worst on their object: 6 of s, "
+        "6 of sx"]
+
+
 def test_a_mean_of_most_has_the_interval_of_those_alone() -> None:
     values = np.random.default_rng(3).normal(5.0, 1.0, (40, 2))
     values[[3, 20], 0] = np.nan
-    known, every = values[np.isfinite(values[:, 0]), 0], _completed(values)
+    known, every = values[np.isfinite(values[:, 0]), 0], completed(values)
     assert every[:, 0].mean() == pytest.approx(known.mean())
     assert every[:, 0].var(ddof=1) / 40 == pytest.approx(known.var(ddof=1) / 38)
     assert (every[:, 1] == values[:, 1]).all()
