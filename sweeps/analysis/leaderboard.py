@@ -50,6 +50,7 @@ from sweeps.analysis.paired import (
     NO_OBJECTS,
     ObjectRows,
     by_episode,
+    certain_notes,
     few_episodes_note,
     lost_notes,
     read_objects,
@@ -327,15 +328,16 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     axes, per_object = entry_axes(plan, by)
     entries = entries_of(plan, axes)
     references = references_of(plan, entries)
-    faults, seed = _Faults(), int(plan.hash, 16)
+    faults, seed, missing = _Faults(), int(plan.hash, 16), 0
     rankings: dict[str, _Ranking] = {}
-    missing = 0
+    alike: list[tuple[str, str]] = []
     for found in read_objects(plan, stores, entries, axes, (metric, "iou", *PLAIN), faults):
         missing += found.missing
         label = f"object={found.name}" if per_object else ""
         ranking = rankings.setdefault(label, _Ranking(entries, references, metric, seed))
         if found.episodes:
             ranking.add(found)
+            alike += [(entries[n].label, found.name) for n in found.all_alike(metric)]
     rows = [row for label, ranking in rankings.items() for row in ranking.rows(label, faults)]
     measured = max(ranking.objects for ranking in rankings.values())
     most = max(ranking.distinct for ranking in rankings.values())
@@ -343,6 +345,7 @@ def make_leaderboard(plan: Plan, stores: Sequence[Store], metric: str = "chamfer
     notes = [*_notes(plan, missing, measured), *few_episodes_note(measured, most),
              *few_lines([*same_bodies(plan.study)]),
              *few_lines([*lost_notes(lost, metric)]),
+             *few_lines([*certain_notes(alike, metric)]),
              *few_lines(faults.failed_units()),
              *few_lines(faults.notes())]
     for label, ranking in rankings.items():

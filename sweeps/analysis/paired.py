@@ -55,6 +55,15 @@ class ObjectRows:
         values = self.values[metric]
         return by_episode(np.where(np.isfinite(values), values, self.plain(metric)), self.episodes)
 
+    def all_alike(self, metric: str) -> list[int]:
+        """The entries of which all episodes count as the same worst, for none has a value; none of
+        them where nothing is known of what that is, or of chances, whose variance is never 0."""
+        if metric in CHANCES or not np.isfinite(self.filled(metric)).all():
+            return []
+        values, score = self.values[metric], failure_score(metric)
+        lost = ~np.isfinite(values) if score is None else values == score  # has it by `values_of`
+        return [int(n) for n in np.flatnonzero(lost.all(axis=0))]
+
     def given(self, metric: str) -> np.ndarray:
         """What the priors of the rows score, (row, entry); nothing for a metric that has none."""
         return self.values.get(prior_column(metric) or "", np.zeros((0, 0)))
@@ -218,6 +227,15 @@ def unscored_note(labels: Sequence[str], unscored: np.ndarray, metric: str) -> I
     if told:
         yield (f"episodes without a {metric} count as the worst on their object: "
                f"{first_few(told)}")
+
+
+def certain_notes(alike: Sequence[tuple[str, str]], metric: str) -> Iterator[str]:
+    """What a reader should know of entries, and objects, of which all episodes count as the same:
+    an interval takes for certain what does not vary."""
+    for label in dict.fromkeys(label for label, _ in alike):
+        objects = first_few([name for own, name in alike if own == label])
+        yield (f"{label}: all episodes on {objects} count as the same worst {metric}, which its "
+               "interval of these objects takes for certain")
 
 
 def interval_note(over: str) -> str:

@@ -162,6 +162,24 @@ def test_an_object_on_which_every_entry_failed_is_left_out_and_told(tmp_path: Pa
     assert [row["iou"] for row in rows_of(board)] == [row["iou"] for row in by_iou]
 
 
+def test_an_entry_that_always_failed_on_an_object_is_told(tmp_path: Path) -> None:
+    """All of its episodes count as the same worst: the interval there has no width."""
+    plan = plan_of(tmp_path)
+    store = fill(tmp_path, plan)
+    assert not any("takes for certain" in line for line in make_leaderboard(plan, [store]).notes)
+    failed_on(plan, store, "wedge", ("mine",))
+    for metric in ("chamfer_mm", "iou"):
+        notes = make_leaderboard(plan, [store], metric=metric).notes
+        assert [line for line in notes if "takes for certain" in line] == [
+            f"mine: all episodes on wedge count as the same worst {metric}, which its interval of "
+            "these objects takes for certain"]
+    made = make_leaderboard(plan, [store], by=["strategy", "object"])
+    row = next(row for row in rows_of(made) if row["strategy"] == "mine [object=wedge]")
+    assert row["chamfer_mm_these_low"] == row["chamfer_mm_these_high"]
+    by_answer = make_leaderboard(plan, [store], metric="recognized")  # Wilson's has a width
+    assert not any("takes for certain" in line for line in by_answer.notes)
+
+
 def test_what_is_not_offered_is_na(tmp_path: Path) -> None:
     @fake_episodes.cell_by_cell
     def few(cell: Cell, episodes: np.ndarray, device: str) -> dict[str, np.ndarray]:
