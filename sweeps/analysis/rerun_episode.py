@@ -18,8 +18,8 @@ from sweeps.analysis.leaderboard import make_leaderboard
 from sweeps.output import init_warp, note, quiet_stdout
 from sweeps.run.inputs import kept_cell
 from sweeps.run.local_engine import as_a_worker
-from sweeps.run.plan import Plan, cell_hash
-from sweeps.run.race_record import race_of
+from sweeps.run.plan import Plan, Unit, cell_hash, unit_id
+from sweeps.run.race_record import race_of, read_race_note, taken_blocks
 from sweeps.run.store import Store
 from sweeps.spec.cell import Cell
 from sweeps.spec.errors import StoreError, choose
@@ -53,7 +53,8 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
 
     `strategy` can be an entry's name in the leaderboard, which names the setting too. Where several
     entries are meant it is the leaderboard's first of them. Axes that entries are averaged over
-    are at their first point. Raises StoreError for what the study does not have, and of a race,
+    are at their first point. Of a race's entry there are as many episodes as it took, if these are
+    more than the study's. Raises StoreError for what the study does not have, and of a race,
     which has no leaderboard, where several are meant.
     """
     names = [s.name for s in plan.study.strategies]
@@ -63,12 +64,14 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
     for option, value, known in (("--strategy", strategy, either), ("--object", body, bodies)):
         if value is not None and value not in known:
             raise StoreError(f"{option}: the study has no {value!r}; {choose(value, known)}")
-    count = plan.study.head.episodes_per_cell
+    meant = {entry.label: entry for entry in entries
+             if strategy in (None, entry.label, names[entry.strategy])}
+    count = max([plan.study.head.episodes_per_cell, *(
+        stop for race in _races(stores) if race["over"] == "these"
+        for told in race["entries"] if told["label"] in meant for stop in told["stops"])])
     if not 0 <= episode < count:
         raise StoreError(f"--episode: is {episode}; should be a whole number from 0 to "
                          f"{count - 1}")
-    meant = {entry.label: entry for entry in entries
-             if strategy in (None, entry.label, names[entry.strategy])}
     label = next(iter(meant))
     if len(meant) > 1:
         if any(race_of(plan, store) is not None for store in stores):
@@ -79,6 +82,11 @@ def choose_episode(plan: Plan, stores: Sequence[Store], strategy: str | None,
     points = dict.fromkeys(range(len(plan.study.axes)), 0) | meant[label].points
     return Episode(meant[label].strategy, 0 if body is None else bodies.index(body), episode,
                    setting_index(plan, points))
+
+
+def _races(stores: Sequence[Store]) -> list[dict[str, Any]]:
+    """What is noted of the races that were run in these directories."""
+    return [race for store in stores if (race := read_race_note(store.logs)) is not None]
 
 
 def cell_of(plan: Plan, episode: Episode) -> Cell:
@@ -129,11 +137,16 @@ def ended_otherwise(plan: Plan, stores: Sequence[Store], episode: Episode, statu
     empty if it has the same, or no row."""
     cell = plan.study.cell(episode.strategy, episode.body, episode.setting)
     name = cell_hash(cell, plan.study.objects[episode.body])
-    units = (plan.unit(cell, name, block) for block in range(plan.block_count))
-    unit = next(unit for unit in units if unit.start <= episode.episode < unit.stop)
-    found = (rows for store in stores if (rows := store.read(unit)) is not None)
-    row = {key: values[episode.episode - unit.start] for key, values in next(found, {}).items()
-           if key in ("status", "note")}
+    units = [plan.unit(cell, name, block) for block in range(plan.block_count)]
+    blocks = dict.fromkeys(block for race in _races(stores) for told in race["entries"]
+                           for block in taken_blocks(plan.study, race, told["stops"]))
+    units += [Unit(unit_id(name, first, last), name, cell, first, last)
+              for body, first, last in blocks if body == episode.body]
+    found = ((rows, episode.episode - unit.start) for unit in units
+             if unit.start <= episode.episode < unit.stop
+             for store in stores if (rows := store.read(unit)) is not None)
+    rows, place = next(found, ({}, 0))
+    row = {key: values[place] for key, values in rows.items() if key in ("status", "note")}
     if not row or row["status"] == status:
         return ""
     said = f" ({row['note']})" if row.get("note") else ""

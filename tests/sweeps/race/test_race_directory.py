@@ -10,8 +10,10 @@ import pytest
 from studies import write_spec
 
 from sweeps.analysis.arrow import read_rows
+from sweeps.analysis.rerun_episode import choose_episode, ended_otherwise
 from sweeps.cli import main as cli
 from sweeps.run import worker
+from sweeps.run.store import open_study
 from sweeps.spec.errors import StoreError
 
 SPEC = """\
@@ -124,6 +126,22 @@ def test_rows_are_the_episodes_that_the_race_took(
     assert read_rows(out).num_rows == len(rows)
     assert run("figure", out, "contacts", "-o", tmp_path / "contacts.png") == 3
     assert "--strategy: should name an entry" in capsys.readouterr().err
+
+
+def test_an_episode_beyond_those_of_the_spec_is_found(tmp_path: Path) -> None:
+    """A race takes as many as it needs; what its rows say of each is compared with, too."""
+    spec, out = write_spec(tmp_path, SPEC), tmp_path / "out"
+    assert race(spec, out) == 0
+    with (out / "race.csv").open() as stream:
+        best = next(csv.DictReader(stream))
+    plan, stores = open_study([out])
+    last = int(best["n_episodes"]) // 3 - 1
+    assert last >= plan.study.head.episodes_per_cell
+    episode = choose_episode(plan, stores, best["strategy"], "wedge", last)
+    assert ended_otherwise(plan, stores, episode, "ok") == ""
+    assert ended_otherwise(plan, stores, episode, "?").startswith("its row in the study has the")
+    with pytest.raises(StoreError, match=f"whole number from 0 to {last}$"):
+        choose_episode(plan, stores, best["strategy"], "wedge", last + 1)
 
 
 def test_rows_of_a_search_are_refused(tmp_path: Path) -> None:
