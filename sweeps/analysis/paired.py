@@ -215,7 +215,7 @@ def _objects_filled(of_objects: Sequence[np.ndarray]) -> list[np.ndarray]:
 def lost_notes(objects: Sequence[str], metric: str) -> Iterator[str]:
     """What a reader should know of objects on which no episode has a value."""
     for name in objects:
-        yield (f"no entry has a {metric} on {name}, where all of them failed or nothing has one; "
+        yield (f"no entry has any {metric} on {name}, where all of them failed or nothing has one; "
                f"means and intervals of {metric} leave it out")
 
 
@@ -225,7 +225,7 @@ def unscored_note(labels: Sequence[str], unscored: np.ndarray, metric: str) -> I
     told = [f"{unscored[n]} of {labels[n]}" for n in np.argsort(-unscored, kind="stable")
             if unscored[n]]
     if told:
-        yield (f"episodes without a {metric} count as the worst on their object: "
+        yield (f"episodes without {metric} count as the worst on their object: "
                f"{first_few(told)}")
 
 

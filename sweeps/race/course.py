@@ -54,7 +54,7 @@ class Course:
                 return self._once_more(damaged)
             if lost := self.units.lost:
                 raise LeaderboardError(
-                    f"no entry has a {self.units.metric} on {first_few(lost)}, where all of them "
+                    f"no entry has any {self.units.metric} on {first_few(lost)}, where all of them "
                     "failed or nothing has one: nothing can race there; leave such objects out, or "
                     f"race for another score ({self.units.store.logs} says which units failed)")
             look = self.race.take(self.asked, found, self.units.worst, unknown)

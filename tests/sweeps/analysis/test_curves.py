@@ -185,7 +185,7 @@ def test_an_object_without_any_error_is_named_and_left_out(tmp_path: Path) -> No
     plan, store = written(tmp_path, 3, rows)
     made = curves_table(read_curves(plan, [store]))
     assert {row["chamfer_mm"] for row in table_rows(made)} == {"4.500"}
-    assert any("no entry has a chamfer_mm on block" in note for note in made.notes)
+    assert any("no entry has any chamfer_mm on block" in note for note in made.notes)
 
 
 def test_episodes_without_an_error_are_counted(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_episodes_without_an_error_are_counted(tmp_path: Path) -> None:
     plan, store = written(tmp_path, 3, rows)
     made = curves_table(read_curves(plan, [store]))
     assert [note for note in made.notes if "count as the worst" in note] == [
-        "episodes without a chamfer_mm count as the worst on their object: 6 of s, "
+        "episodes without chamfer_mm count as the worst on their object: 6 of s, "
         "6 of sx"]
 
 

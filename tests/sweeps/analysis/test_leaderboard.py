@@ -141,7 +141,7 @@ def test_an_object_on_which_every_entry_failed_is_left_out_and_told(tmp_path: Pa
     alone = rows_of(make_leaderboard(plan, [store], by=["strategy", "object"]))[2:]
     failed_on(plan, store, "block", ("mine", "ring6"))
     board = make_leaderboard(plan, [store])
-    told = "no entry has a chamfer_mm on block, where all of them failed"
+    told = "no entry has any chamfer_mm on block, where all of them failed"
     assert any(told in line for line in board.notes)
     for row, other in zip(rows_of(board), alone, strict=True):
         assert (row["n_objects"], row["n_episodes"]) == ("1", "70")

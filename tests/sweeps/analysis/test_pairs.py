@@ -227,6 +227,6 @@ def test_episodes_without_a_score_are_told(tmp_path: Path) -> None:
             store.path(unit).unlink()
             store.log(unit).write_text("it broke")
     notes = pairs_table(read_paired(plan, [store], ["chamfer_mm"]), "chamfer_mm").notes
-    told, = (note for note in notes if "without a chamfer_mm" in note)
-    assert told.startswith("episodes without a chamfer_mm count as the worst on their object: "
+    told, = (note for note in notes if "without chamfer_mm" in note)
+    assert told.startswith("episodes without chamfer_mm count as the worst on their object: "
                            "8 of sx")

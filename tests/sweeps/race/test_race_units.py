@@ -104,7 +104,7 @@ def test_an_object_without_any_score_ends_a_race(tmp_path: Path) -> None:
         if unit.cell.object_name == "wedge":
             rows["chamfer_mm"][:] = np.nan
         write_files(store.path(unit), unit.id, rows)
-    with pytest.raises(LeaderboardError, match="no entry has a chamfer_mm on wedge, where all of"):
+    with pytest.raises(LeaderboardError, match="no entry has any chamfer_mm on wedge, where all"):
         course.further()
 
 

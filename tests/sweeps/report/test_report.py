@@ -228,7 +228,7 @@ def test_a_count_of_notes_goes_with_them(tmp_path: Path) -> None:
         store.log(unit).write_text("it broke")
     assert sum(note.endswith(MORE) for note in make_leaderboard(plan, [store]).notes) == 1
     text = html.unescape(make_report(plan, [store], views=False).decode())
-    assert text.count("<li>no entry has a chamfer_mm on") == 9
+    assert text.count("<li>no entry has any chamfer_mm on") == 9
     assert MORE not in text
 
 
