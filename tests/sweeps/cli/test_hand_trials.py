@@ -36,6 +36,19 @@ def test_another_guess_stays_where_it_is_clearly_better(
     assert (found.name, last.chamfer_mm, before.chamfer_mm) == (best, errors[int(best)], errors[0])
 
 
+@pytest.mark.parametrize(("error", "best"), [(5.5, "1"), (5.9, "0")])
+def test_what_is_no_better_on_other_bodies_was_best_by_chance(
+        error: float, best: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stub(hand: HandModel, bodies: Sequence[str], episodes: int) -> Trial:
+        chosen = 3.0 if bodies == hand_trials.LAST_BODIES else error
+        return Trial(0.5, 6.0 if hand.name == "0" else chosen)
+
+    monkeypatch.setattr(hand_trials, "tried", stub)
+    found, last, before = best_guess(named("0"), [named("1")])
+    assert (found.name, before.chamfer_mm) == (best, 6.0)
+    assert last.chamfer_mm == (error if best == "1" else 6.0)
+
+
 def test_the_few_that_touch_most_are_compared_by_their_bodies(monkeypatch: pytest.MonkeyPatch
                                                               ) -> None:
     compared = []
@@ -54,6 +67,7 @@ def test_a_thumb_in_the_way_is_found_by_trial(monkeypatch: pytest.MonkeyPatch) -
     """The hand that ships, and one whose thumb lies across the palm."""
     monkeypatch.setattr(hand_trials, "FIRST_BODIES", ("block",))
     monkeypatch.setattr(hand_trials, "LAST_BODIES", ("block", "small_cylinder"))
+    monkeypatch.setattr(hand_trials, "OTHER_BODIES", ("wedge",))
     monkeypatch.setattr(hand_trials, "LAST_EPISODES", 2)
     barred = replace(HAND, postures=tuple(
         Posture(p.name, (*((n, a) for n, a in p.angles_rad if n not in ("12", "13")),
