@@ -28,6 +28,9 @@ MOST_FACES = 500_000
 _CELLS = 64
 """Of the grid of signed distances: its box holds the whole prior, and a handle of 16 mm in it needs
 cells of 4 mm, as that of a union of parts does [est]."""
+_STEEP, _STEEP_SHARE = 1.2, 0.05
+"""Distances that change by more than so many times the way between two points, at such a share of
+them, are none of metres, and cells may be left out in which the surface is [est]."""
 _LOG2_POINTS = 13
 """Of a mesh's box, of which none may lie in two pieces."""
 _OUTSIDE_M = 1.0
@@ -82,45 +85,49 @@ class PlugInBodies:
 
 def run_plug_in(function: Callable[..., Any], touches: Touches) -> PlugInBodies:
     """The bodies of all worlds, by a function of a user's."""
-    meshes, fault, cut, raised = _answered(function, touches)
+    meshes, fault, cut, steep, raised = _answered(function, touches)
     empty = np.array([len(mesh.faces) == 0 for mesh in meshes], bool)
     place = place_of(function)
     note = np.where(empty, f"{place}: gave no body, what was recovered stands", np.where(
         cut, f"{place}: its body is cut off by the sides or the top of the box from low_m to "
-        "high_m; should distances there be positive?", ""))
+        "high_m; should distances there be positive?", np.where(
+            steep, f"{place}: its distances change by more than the way between points, so that "
+            "thin parts may be lost; should they be in metres?", "")))
     return PlugInBodies(meshes, fault, np.where(fault == "", note, ""),
                         np.full(touches.worlds, raised))
 
 
 def _answered(function: Callable[..., Any], touches: Touches
-              ) -> tuple[list[TriangleMesh], np.ndarray, np.ndarray, bool]:
-    """Meshes, faults, whether the box cuts off a mesh, bool (world,), and whether it raised."""
+              ) -> tuple[list[TriangleMesh], np.ndarray, np.ndarray, np.ndarray, bool]:
+    """Meshes, faults, whether the box cuts off a mesh and whether distances are too steep, bool
+    (world,), and whether the function raised."""
     from fit.implicit.mesh import zero_set_meshes
 
     worlds = touches.worlds
-    meshes, fault, cut = [NO_MESH] * worlds, np.full(worlds, "", object), np.zeros(worlds, bool)
+    meshes, fault = [NO_MESH] * worlds, np.full(worlds, "", object)
+    cut, steep = np.zeros((2, worlds), bool)
     try:
         with guarded_call():
             answer = function(touches)
             if callable(answer):
                 bad = np.zeros(worlds, bool)
-                found = zero_set_meshes(_checked(answer, touches, cut, bad), touches.low_m,
+                found = zero_set_meshes(_checked(answer, touches, cut, steep, bad), touches.low_m,
                                         touches.high_m, cells=_CELLS)
                 fault[bad] = f"{place_of(function)}: a distance is not finite"
                 return [NO_MESH if none else mesh for none, mesh in zip(bad, found, strict=True)
-                        ], fault, cut, False
+                        ], fault, cut, steep, False
             answer = list(answer) if isinstance(answer, Iterable) else answer
     except Exception as error:  # whatever a user's function may raise
         fault[:] = fault_text(function, error)
-        return meshes, fault, cut, True
+        return meshes, fault, cut, steep, True
     if not isinstance(answer, list):
         what = "None" if answer is None else type(answer).__name__
         fault[:] = (f"{place_of(function)}: answered with {what}; should be a list of a mesh or "
                     "None for each world, or a function of (points_m, worlds)")
-        return meshes, fault, cut, False
+        return meshes, fault, cut, steep, False
     if len(answer) != worlds:
         fault[:] = f"{place_of(function)}: {len(answer)} meshes for {worlds} worlds"
-        return meshes, fault, cut, False
+        return meshes, fault, cut, steep, False
     for world, given in enumerate(answer):
         if given is None:
             continue
@@ -131,13 +138,14 @@ def _answered(function: Callable[..., Any], touches: Touches
             fault[world] = on_one_line(f"{place_of(function)}: {error!s:.400}")
         except Exception as error:
             fault[world] = fault_text(function, error)
-    return meshes, fault, cut, False
+    return meshes, fault, cut, steep, False
 
 
-def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray, bad: np.ndarray
-             ) -> Callable[..., np.ndarray]:
+def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray, steep: np.ndarray,
+             bad: np.ndarray) -> Callable[..., np.ndarray]:
     """The user's distance, checked. It raises ValueError, and notes in `cut` (world,) where it is
-    negative on the sides or the top of the box, and in `bad` (world,) where it is no number."""
+    negative on the sides or the top of the box, in `steep` where it changes by more than the way,
+    and in `bad` where it is no number."""
     low, high = touches.low_m[:, None], touches.high_m[:, None]
     rim = 1e-6 * (high - low)
 
@@ -151,6 +159,9 @@ def _checked(distance: Callable[..., Any], touches: Touches, cut: np.ndarray, ba
         out = points >= (high - rim)[worlds]
         out[..., :2] |= (points <= (low + rim)[worlds])[..., :2]  # a body may stand on the table
         cut[worlds] |= (out.any(-1) & (found < 0.0)).any(1)
+        way = np.linalg.norm(np.diff(points, axis=1), axis=-1)
+        steeper = np.abs(np.diff(found, axis=1)) > _STEEP * way
+        steep[worlds] |= steeper.mean(1) > _STEEP_SHARE if way.size else False
         return found
 
     return values

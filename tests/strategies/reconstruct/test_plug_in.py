@@ -42,6 +42,9 @@ def on_the_table(touches):
 def forgets(touches):
     balls(touches)
 
+def twice_as_far(touches):
+    return lambda points, worlds: 2.0 * balls(touches)(points, worlds)
+
 def second_only(touches):
     return [None, trimesh.creation.icosphere(2, 0.03)]
 
@@ -232,6 +235,14 @@ def test_a_body_that_the_box_cuts_off_is_told(asked, name: str, cut: list[bool])
     assert not found.fault.any()
     assert ["is cut off by the sides or the top of the box" in text for text in found.note] == cut
     assert [text != "" for text in found.note] == cut
+
+
+@pytest.mark.parametrize(("name", "steep"), [("balls", False), ("twice_as_far", True)])
+def test_what_are_no_distances_in_metres_is_told(asked, name: str, steep: bool) -> None:
+    """Their zero set is right, but thin parts of it would be lost."""
+    found = asked(name)
+    assert found.made.all()
+    assert ["change by more than the way" in text for text in found.note] == [steep] * 2
 
 
 @pytest.mark.parametrize(("name", "none"), [
