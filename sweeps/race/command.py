@@ -67,7 +67,8 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
         note(line)
     _show(found, as_json, search_lines(course) if isinstance(course, SearchCourse) else {})
     if not found.reached:
-        spent = "time" if course.late else "budget of episodes" if episodes else "objects"
+        spent = ("time" if course.late else
+                 "budget of episodes" if episodes and not _all_taken(course.race) else "objects")
         note(f"the {spent} ended before the best was known within {amount(rules.within, metric)}; "
              f"more {'of them' if spent == 'objects' else 'of it'} may tell")
     if outcome.failed:
@@ -87,6 +88,12 @@ def _course(spec: Path, plan: Plan, store: Store, rules: Rules, episodes: int | 
         raise LeaderboardError("--over like-these: a [search] races on these objects; race its "
                                "finalists in a spec of their own")
     return SearchCourse(plan, store, metric, rules, episodes, until)
+
+
+def _all_taken(race: Race) -> bool:
+    """Whether every entry that is open has taken all replicates that there are."""
+    most, last = race.rules.most, race.looks[-1]
+    return most is not None and bool((last.replicates[last.open] >= most).all())
 
 
 def _write(folder: Path, found: Verdict) -> None:

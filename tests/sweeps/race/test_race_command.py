@@ -203,6 +203,9 @@ def test_objects_like_these_are_the_replicates(tmp_path: Path,
     assert all(count % 4 == 0 and count <= 48 for count in taken)
     assert race(spec, tmp_path / "end", "--over", "like-these", within="0.0001") == 0
     assert "the objects ended before" in capsys.readouterr().err
+    assert race(spec, tmp_path / "end", "--over", "like-these", "--budget-episodes", "9999",
+                within="0.0001") == 0
+    assert "the objects ended before" in capsys.readouterr().err  # with budget left
 
 
 def test_swept_nuisances_are_averaged_over(tmp_path: Path) -> None:
