@@ -27,7 +27,7 @@ _BESIDE_M, _BESIDE_CHANGE_M = 6e-3, 8e-3
 """Links of two fingers that come as near, and whose distance changes by less from the open hand to
 the closed one, go side by side, and do not count as touching: fingers of real hands do so freely
 even where the shapes that stand for them meet [est]."""
-_PLACES = 9
+_PLACES = 5
 """Of a closing at which that is asked."""
 _SHAPES = {
     "body": "some", "body_pose": "world", "hands": "robots finger", "believed": "1 finger",
