@@ -102,9 +102,9 @@ def _rows(kernel: Any, hand: ChainHand, place: np.ndarray, given: Mapping[str, A
 @lru_cache(maxsize=16)
 def palm_of(hand: ChainHand, close_m: float = CLOSE_M
             ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The palm's capsules (bar, 2, 3) and radii (bar,), and which pairs of capsules are none: bool
-    (finger x `CAPSULES`, the same, then bars). Those that are nearer than `close_m` in the open
-    hand are none, and those of fingers that go side by side."""
+    """The palm's capsules (bar, 2, 3) and radii (bar,) [m], and which pairs of capsules are none:
+    bool (finger x `CAPSULES`, the same, then bars). Those that are nearer than `close_m` in the
+    open hand are none, and those of fingers that go side by side."""
     ends = np.array([(c.start, c.end) for c in hand.palm]).reshape(-1, 2, 3)
     radius = np.array([c.radius for c in hand.palm])
     if len(ends) == 0:  # a palm without shape: one far away

@@ -66,9 +66,9 @@ def finger_chains(
     pinned = _pinned(tree, known, held, leaves, paths)
     bars = frozenset(name for name in pinned if name not in
                      [joint.name for tip in tips for joint in moving.get(tip, [])])
-    none = inner | bars | _cranks(tree, known, held, leaves)
+    no_fingers = inner | bars | _cranks(tree, known, held, leaves)
     ends = {path[-1].name: path for link, path in moving.items() if path
-            and (link in tips if tips else path[-1].name not in none)}
+            and (link in tips if tips else path[-1].name not in no_fingers)}
     notes += [f"joint {name} moves a bar of a linkage, which ends at a pin on what joint "
               f"{pinned[name]} moves: it is left out" for name in sorted(bars)]
     if not ends:

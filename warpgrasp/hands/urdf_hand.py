@@ -40,7 +40,7 @@ _CENTRED = 0.05
 """Shapes are about their frame's origin if their middle is nearer to it than this share of their
 farthest point [est]."""
 _TOLD_M = 5e-6
-"""How far off a shape is from which on it is told."""
+"""Errors of fitted shapes from which on a note names them."""
 _ARM = 4
 """Joints in a row that carry all fingers are an arm's from so many on, not a wrist's [est]."""
 
