@@ -22,6 +22,7 @@ from warpgrasp.core.array_checks import (
     check_poses,
     check_range,
 )
+from warpgrasp.core.kernel_launch import check_device
 from warpgrasp.core.random import Purpose, counter_key, normal_vector
 from warpgrasp.geometry.body import Body, scene_of
 from warpgrasp.mechanism.arm_motion import ArmMoves, ArmState
@@ -125,11 +126,10 @@ class Robot:
         tables `true`; those that are believed where there are none.
 
         Raises TypeError for tables that are none, and for keys and numbers of bodies that are no
-        whole numbers, ValueError for
-        bodies that are none, for a number that none of them has, for poses,
-        keys and numbers of bodies that are not as many, and where `true` moves the hand along its
-        mount, which arm and hand share, or is another hand, or where errors could make a factor
-        zero or less; HandError for a hand that cannot be used.
+        whole numbers, ValueError for bodies that are none, for a number that none of them has, for
+        a device that is not here, for poses, keys and numbers of bodies that are not as many, and
+        where `true` moves the hand along its mount, which arm and hand share, or is another hand,
+        or where errors could make a factor zero or less; HandError for a hand that cannot be used.
         """
         if not isinstance(bodies, Sequence) or not bodies or not all(
                 isinstance(each, Body) for each in bodies):
@@ -144,6 +144,7 @@ class Robot:
         check_array("body", body, "whole numbers", "world")
         check_array("key", key, "whole numbers", "world")
         check_range("body", body, 0, len(bodies) - 1)
+        check_device(device)
         if len(key) != len(truth.body_pose) or len(body) not in (1, len(key)):
             raise ValueError(f"{len(truth.body_pose)} true poses, {len(key)} keys, {len(body)} "
                              "numbers of bodies; should be one of each a world (or one body)")

@@ -42,12 +42,16 @@ def read_rows(*folders: str | Path) -> pa.Table:
 
     Beside the columns of the units, `setting` numbers the point of the swept axes, and each swept
     key is a column of its own, as text. `folders` hold one study, or its shards. Units that are
-    missing, failed or damaged are told on stderr. Raises StoreError for a directory that cannot be
-    read or the race of a search, or where no unit is finished, OtherStudy where they are not of one
-    study.
+    missing, failed or damaged are told on stderr. Raises TypeError for what is no name of a
+    directory, StoreError for one that cannot be read or the race of a search, or where no unit is
+    finished, OtherStudy where they are not of one study.
     """
     if not folders:
         raise StoreError("read_rows: no directory is named; should be that of a study")
+    for folder in folders:
+        if not isinstance(folder, str | Path):
+            raise TypeError(f"read_rows: is given {folder!r:.80}; should be the name of a "
+                            "directory, and of others after it")
     plan, stores = open_study([Path(folder) for folder in folders])
     parts: list[pa.Table] = []
     units = failed = 0

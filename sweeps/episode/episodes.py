@@ -60,11 +60,9 @@ from sweeps.episode.scores import ROUGH, SAMPLES, Scorer, Scores
 from sweeps.episode.touched_share import TouchedSurface
 from sweeps.episode.untouched import mostly_itself, why_untouched, without_axis
 from sweeps.spec.cell import CONTACTS, ENDED, Cell
-from warpgrasp.core.random import (
-    Purpose,
-    counter_key,
-    counter_uniform,
-)
+from warpgrasp.core.array_checks import check_array
+from warpgrasp.core.kernel_launch import check_device
+from warpgrasp.core.random import Purpose, counter_key, counter_uniform
 from warpgrasp.geometry.body import Body
 from warpgrasp.objects.catalogue import body_from_name, body_from_table
 from warpgrasp.parameters import ObjectTable
@@ -139,8 +137,13 @@ class EpisodeBlock:
 def run_cells(parts: Sequence[Part], device: str) -> list[dict[str, np.ndarray]]:
     """Rows of each of some `(cell, episodes)`, as `run_episodes` would give them, bit for bit.
 
-    The cells have one `batch_key`.
+    The cells have one `batch_key`. Raises TypeError or ValueError for no episodes or no device.
     """
+    for _, episodes in parts:
+        check_array("episodes", episodes, "whole numbers", "episode")
+        if not len(episodes):
+            raise ValueError("episodes: are none; should be one number or more")
+    check_device(device)
     objects = [repr((cell.object_name, cell.body_table)) for cell, _ in parts]
     made = {what: cell_body(cell) for what, (cell, _) in zip(objects, parts, strict=True)}
     names = list(made)

@@ -183,6 +183,12 @@ def test_poses_and_masks_of_other_shapes_and_kinds_are_refused() -> None:
             explore_by_containment(own, **given)
 
 
+def test_a_device_that_is_not_here_is_refused_by_the_names_of_those_that_are() -> None:
+    with pytest.raises(ValueError, match=r"device: there is no 'gpu' here; there are: cpu"):
+        Robot([body_from_name("block")], np.zeros(1, int), Truth(POSE), KEY, ArmTable(),
+              HandTable(), SensorTable(), device="gpu")
+
+
 def test_keys_and_numbers_of_bodies_are_whole() -> None:
     for key in (np.zeros(2), [0, 1]):
         with pytest.raises(TypeError, match=r"key: .*; should be .*of whole numbers, \(world,\)"):

@@ -51,6 +51,15 @@ def set_thread_count(count: int) -> None:
         _pool = None
 
 
+def check_device(device: str) -> None:
+    """Raise ValueError for what is no device of this machine."""
+    try:
+        wp.get_device(device)
+    except (ValueError, RuntimeError):
+        here = ", ".join(str(each) for each in wp.get_devices())
+        raise ValueError(f"device: there is no {device!r} here; there are: {here}") from None
+
+
 def array_of(values: np.ndarray, dtype: Any, device: str) -> wp.array:
     """An array for kernels to read. On a CPU it is NumPy's own memory where types agree: a copy
     takes Warp four times as long. Raises ShapeError for rows that are none of `dtype`."""

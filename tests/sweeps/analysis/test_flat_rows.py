@@ -53,6 +53,8 @@ def test_a_study_without_a_finished_unit_has_no_table(tmp_path: Path) -> None:
     Store(tmp_path / "out").open_for(plan_of(tmp_path, SMALL), None, "cpu")
     with pytest.raises(StoreError, match="out: no unit is finished yet"):
         read_rows(tmp_path / "out")
+    with pytest.raises(TypeError, match="read_rows: is given \\['out'\\]; should be the name of a"):
+        read_rows(["out"])  # type: ignore[arg-type]
 
 
 def test_every_episode_is_a_row_with_the_swept_keys_as_numbers(

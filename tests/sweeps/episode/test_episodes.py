@@ -256,6 +256,15 @@ name = "ring6"
     assert [row[1] for row in board.rows] == ["ring6", "mine", "given-prior"]
 
 
+def test_what_are_no_episodes_and_no_device_is_refused() -> None:
+    with pytest.raises(ValueError, match="episodes: are none; should be one number or more"):
+        run_episodes(CELL, np.arange(0), "cpu")
+    with pytest.raises(TypeError, match="episodes: is of float64; should be of whole numbers"):
+        run_episodes(CELL, np.zeros(2), "cpu")
+    with pytest.raises(ValueError, match="device: there is no 'gpu' here"):
+        run_episodes(CELL, np.arange(1), "gpu")
+
+
 def test_none_but_the_oracle_foresees() -> None:
     """Whoever looks like it, or is of its kind, is handed nothing that leads to the truth."""
     theirs = HELPERS / "theirs.py"
