@@ -65,6 +65,10 @@ Probe = Grasp | CrossFaces | FollowContour
 _PROBES = "Grasp, CrossFaces and FollowContour"
 
 
+MOST_PROBES = 10_000
+"""Of a world in one answer, which are made without a look at what they feel."""
+
+
 class ProbeError(ValueError):
     """A probe that cannot be asked for; the message says what is wrong and what would be right."""
 
@@ -160,6 +164,9 @@ def _checked(name: str, value: np.ndarray, worlds: int, width: int) -> np.ndarra
             array.dtype.kind not in "fiu"):
         raise ProbeError(f"{name} is {array.dtype} of shape {array.shape}; "
                          f"should be numbers of shape (world {worlds}, any, {width})")
+    if array.shape[1] > MOST_PROBES:
+        raise ProbeError(f"{name} has {array.shape[1]:,} rows a world; should have at most "
+                         f"{MOST_PROBES:,} in one answer")
     return array
 
 

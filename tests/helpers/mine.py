@@ -139,5 +139,10 @@ def axis_of_words(belief):
     return [FollowContour(replace(axis, radius_m=np.full(belief.worlds, "wide")))]
 
 
+def too_many_poses(belief):
+    return [Grasp(np.broadcast_to(np.array([0.45, 0.0, 0.4, 1.0, 0.0, 0.0, 0.0]),
+                                  (belief.worlds, 300_000_000, 7)))]
+
+
 def masked_pose(belief):
     return [Grasp(np.ma.masked_array(_six(belief), mask=True))]

@@ -112,6 +112,8 @@ def test_options_that_make_no_planner_are_refused(name: str, options: dict) -> N
     ("axis_without_radius", "an axis whose radius is not above 0: probe ", [True, True]),
     ("axis_of_words", "FollowContour.axis.radius_m is <U4 of shape (2,); should be numbers of ",
      [True, True]),
+    ("too_many_poses", "Grasp.hand_pose has 300,000,000 rows a world; should have at most 10,000",
+     [True, True]),
     ("masked_pose", "Grasp.hand_pose is a masked array; should be a plain one", [True, True]),
     ("axis_without_length", "an axis whose direction has no length, or none", [True, True]),
 ])
