@@ -25,6 +25,8 @@ from warpgrasp.objects.mesh_orientation import mesh_distance, mesh_of, outward_f
 FARTHEST_M = 2.0
 """A vertex farther than this from the box that is given is an error."""
 MOST_FACES = 500_000
+_SMALLEST_M = 0.005
+"""Of a body's greatest width: one that is less is hardly what was meant [est]."""
 _CELLS = 64
 """Of the grid of signed distances: its box holds the whole prior, and a handle of 16 mm in it needs
 cells of 4 mm, as that of a union of parts does [est]."""
@@ -92,9 +94,24 @@ def run_plug_in(function: Callable[..., Any], touches: Touches) -> PlugInBodies:
         cut, f"{place}: its body is cut off by the sides or the top of the box from low_m to "
         "high_m; should distances there be positive?", np.where(
             steep, f"{place}: its distances change by more than the way between points, so that "
-            "thin parts may be lost; should they be in metres?", "")))
+            "thin parts may be lost; should they be in metres?", [
+                _misplaced(place, mesh, low, high) for mesh, low, high
+                in zip(meshes, touches.low_m, touches.high_m, strict=True)])))
     return PlugInBodies(meshes, fault, np.where(fault == "", note, ""),
                         np.full(touches.worlds, raised))
+
+
+def _misplaced(place: str, mesh: TriangleMesh, low_m: np.ndarray, high_m: np.ndarray) -> str:
+    """What is strange about where a mesh is, or how large; empty where nothing is."""
+    if not len(mesh.faces):
+        return ""
+    least, most = mesh.corners_m.min((0, 1)), mesh.corners_m.max((0, 1))
+    if (least > high_m).any() or (most < low_m).any():
+        return (f"{place}: its body lies outside the box from low_m to high_m; should its vertices "
+                "be in the base frame?")
+    if (size := (most - least).max()) < _SMALLEST_M:
+        return f"{place}: its body is {1e3 * size:.2g} mm across; should its vertices be in metres?"
+    return ""
 
 
 def _answered(function: Callable[..., Any], touches: Touches

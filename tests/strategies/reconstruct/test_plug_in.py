@@ -42,6 +42,10 @@ def on_the_table(touches):
 def forgets(touches):
     balls(touches)
 
+def elsewhere(touches):
+    ball = trimesh.creation.icosphere(2, 0.03)
+    return [(ball.vertices + [1.0, 0, 0.03], ball.faces), (ball.vertices / 1e3, ball.faces)]
+
 def twice_as_far(touches):
     return lambda points, worlds: 2.0 * balls(touches)(points, worlds)
 
@@ -243,6 +247,13 @@ def test_what_are_no_distances_in_metres_is_told(asked, name: str, steep: bool) 
     found = asked(name)
     assert found.made.all()
     assert ["change by more than the way" in text for text in found.note] == [steep] * 2
+
+
+def test_a_body_in_another_frame_or_unit_is_told(asked) -> None:
+    found = asked("elsewhere")
+    assert found.made.all()
+    assert "lies outside the box from low_m to high_m" in found.note[0]
+    assert "its body is 0.06 mm across; should its vertices be in metres?" in found.note[1]
 
 
 @pytest.mark.parametrize(("name", "none"), [
