@@ -60,6 +60,7 @@ SHRINKS = (
     (r"(.*pytest .*)", r"\1 -q --collect-only"),  # the tests themselves run in their own time
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
     (r"(.*fuzz_(?:spec|files).py).*", r"\1 --count 20"),
+    (r"(.*self_contact_table.py)", r"\1 --hands utah_mit --settings default --episodes 1"),
     (r"(.*memory_study.py)", r"\1 --episodes 640 1280"),
     (r"(.*false_alarm.py)", r"\1 --studies 1 --episodes 1"),
     (r"(.*tests/scripts/touch_quality.py).*", r"\1 --worlds 4 --lockstep 16"),
