@@ -56,6 +56,8 @@ SHRINKS = (
      r"\1 --episodes 1 --unlisted 1 --strategy ring6"),
     (r"(warpgrasp bench.*)", r"\1 --quick --only touches --only start"),
     (r"(warpgrasp validate --only closing)", r"\1 --poses 1"),
+    # beside the whole table, of which pages take figures
+    (r"(warpgrasp validate -o) docs/fidelity", r"\1 runs/validate --only puma"),
     (r"(warpgrasp validate.*)", r"\1 --only puma --only pads --only distances"),
     (r"(.*pytest .*)", r"\1 -q --collect-only"),  # the tests themselves run in their own time
     (r"(.*kill_study.py).*", r"\1 --kills 2 --units 6"),
