@@ -48,10 +48,18 @@ def held_locks(folder: Path, unknown: bool = False) -> dict[str, str]:
     return found
 
 
-def sign(descriptor: int, study: str = "") -> None:
-    """Writes into a lock who holds it; below, the hash of the study that it is held for."""
+def sign(descriptor: int, command: str, study: str = "") -> None:
+    """Writes into a lock who holds it; below, the hash of the study that it is held for, and the
+    command (`sweep` or `race`)."""
     os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, f"process {os.getpid()} on {socket.gethostname()}\n{study}".encode(), 0)
+    lines = f"process {os.getpid()} on {socket.gethostname()}", study, command
+    os.pwrite(descriptor, "\n".join(lines).encode(), 0)
+
+
+def signature(text: str) -> tuple[str, str, str]:
+    """What `sign` wrote: holder, study and command; empty where it did not, or not yet."""
+    holder, study, command = (*text.split("\n"), "", "")[:3]
+    return holder, study, command
 
 
 def same_file(descriptor: int, file: Path) -> bool:

@@ -42,7 +42,7 @@ def race(spec: Path, folder: Path, *, rules: Rules, episodes: int | None, minute
     store = Store(folder)
     until = began + 60.0 * minutes if minutes is not None else float("inf")
     course = _course(spec, plan, store, rules, episodes, metric, over, until)
-    with terminated_as_interrupted(), store.lock(options.shard):
+    with terminated_as_interrupted(), store.lock(options.shard, "race"):
         for line in (*store.open_for(plan, spec_text(content, settings), options.device),
                      *same_bodies(plan.study)):
             note(line)

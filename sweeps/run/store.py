@@ -11,7 +11,7 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
-from sweeps.file_lock import held_locks, same_file, sign, try_lock, turn
+from sweeps.file_lock import held_locks, same_file, sign, signature, try_lock, turn
 from sweeps.output import write_atomic
 from sweeps.result_file import OWN_FILES, other_files
 from sweeps.run.environment import describe_environment
@@ -48,7 +48,7 @@ class Store:
         self.damaged = 0  # units set aside so far
         self.stuck: set[Path] = set()  # damaged files that cannot be moved
         self.growing = False  # blocks were read as they were before the study grew
-        self.held: int | None = None  # the descriptor of the shard's lock
+        self.held: tuple[int, str] | None = None  # the shard's lock, and what it is held for
 
     def refuse_other_files(self) -> None:
         """Refuses a directory that holds other things than a study, or what one begins with.
@@ -79,7 +79,7 @@ class Store:
                 self.contacts.mkdir(exist_ok=True)
             with turn(self.folder):  # of two specs that begin at once, the second is refused
                 if self.held is not None:
-                    sign(self.held, plan.hash)
+                    sign(*self.held, plan.hash)
                 notes += self._claim(plan)
             keep_inputs(self.folder, plan.study)
             if spec_text is not None:
@@ -90,8 +90,7 @@ class Store:
         return notes
 
     def _unwritable(self, error: OSError) -> StoreError:
-        return StoreError(
-            f"{error.filename or self.folder}: cannot be written: {error.strerror}")
+        return StoreError(f"{error.filename or self.folder}: cannot be written: {error.strerror}")
 
     def refuse_other_study(self, plan: Plan) -> None:
         """Raises OtherStudy where the directory has a study that `plan` does not extend."""
@@ -126,7 +125,7 @@ class Store:
     def _refuse_beside_others(self, plan: Plan) -> None:
         """Refuses a grown study while shards run as it was: it joins units that they count."""
         for shard, text in held_locks(self.folder).items():
-            holder, _, study = text.partition("\n")
+            holder, study, _ = signature(text)
             if study not in ("", plan.hash):  # nothing: it is about to begin
                 raise StoreError(f"{self.folder}: {holder} works on shard {shard}, of the study "
                                  "before it grew; wait for it, or give all the same spec", 3)
@@ -218,8 +217,7 @@ class Store:
             raise _unreadable(path, error) from None
 
     def contact_types(self, unit: Unit) -> dict[str, Any]:
-        """The names and types of the columns of a unit's contacts; none where they are not there.
-        """
+        """Names and types of the columns of a unit's contacts; none where they are not there."""
         return column_types(self.contacts / f"{unit.id}.parquet")
 
     def has(self, unit: Unit, verify: bool = False) -> bool:
@@ -258,12 +256,9 @@ class Store:
             write_atomic(self.logs / f"{name}.damaged.log", f"{reason}\n".encode())
 
     @contextmanager
-    def lock(self, shard: tuple[int, int]) -> Iterator[None]:
-        """Holds a shard for this process; `Held` names who holds it already.
-
-        Makes the directory if need be. The kernel lets go of the lock when its holder dies, however
-        that happens.
-        """
+    def lock(self, shard: tuple[int, int], command: str = "sweep") -> Iterator[None]:
+        """Holds a shard for this process and command; makes the directory if need be. `Held` names
+        who holds it already."""
         self.refuse_other_files()
         lock = self.folder / f".lock-{shard[0]}-of-{shard[1]}"
         try:
@@ -274,20 +269,20 @@ class Store:
         try:
             try:
                 with turn(self.folder):
-                    self._hold(descriptor, shard)
+                    self._hold(descriptor, shard, command)
+                    try:
+                        sign(descriptor, command)
+                    except OSError as error:
+                        raise self._unwritable(error) from None
             except OSError as error:
                 raise StoreError(f"{lock}: cannot be locked: {error.strerror}; choose a directory "
                                  "on a file system that has flock") from None
-            try:
-                sign(descriptor)
-            except OSError as error:
-                raise self._unwritable(error) from None
             # listed before it is known that nobody else writes: who begins later has none of these
             left = self._all_temporaries()
             if len(self.holders(unknown=True)) == 1:
                 for file in left:  # of killed runs
                     file.unlink(missing_ok=True)
-            self.held = descriptor
+            self.held = descriptor, command
             try:
                 yield
             except (OSError, StoreError):
@@ -300,22 +295,27 @@ class Store:
             self.held = None
             os.close(descriptor)
 
-    def _hold(self, descriptor: int, shard: tuple[int, int]) -> None:
-        """Takes a shard's lock, unless it, or one that has units of it, is held."""
+    def _hold(self, descriptor: int, shard: tuple[int, int], command: str) -> None:
+        """Takes a shard's lock, unless it, or one that has units of it or is of another command,
+        is held: a race leaves a note by which its units are read, and a sweep removes it."""
         if not try_lock(descriptor):
-            holder = os.read(descriptor, 200).decode(errors="replace").partition("\n")[0]
+            holder, _, _ = signature(os.read(descriptor, 200).decode(errors="replace"))
             raise Held(f"{self.folder}: is being worked on by {holder or 'another run'}; "
                        "wait for it, or give each run its own --shard I/N")
-        for name, holder in self.holders().items():
+        for name, text in held_locks(self.folder).items():
+            holder, _, theirs = signature(text)
             other, _, count = name.partition("-of-")
             if count != str(shard[1]):
                 raise Held(f"{self.folder}: shard {other}/{count} is being worked on by "
                            f"{holder or 'another run'}, and has units of shard {shard[0]}/"
                            f"{shard[1]}; wait for it, or give all runs the same N in --shard I/N")
+            if other != str(shard[0]) and theirs not in ("", command):
+                raise Held(f"{self.folder}: shard {name} is being worked on by {holder}, for a "
+                           f"{theirs}; wait for it, or choose another directory for the {command}")
 
     def holders(self, unknown: bool = False) -> dict[str, str]:
         """Who works on this directory right now, by shard (`1-of-3`); see `held_locks`."""
-        return {shard: text.partition("\n")[0]
+        return {shard: signature(text)[0]
                 for shard, text in held_locks(self.folder, unknown).items()}
 
     def note(self, shard: str) -> Path:

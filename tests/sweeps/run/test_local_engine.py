@@ -313,6 +313,21 @@ def test_shards_that_overlap_are_refused(whole: tuple[Plan, Path]) -> None:
         pass
 
 
+def test_a_sweep_and_a_race_do_not_work_beside_each_other(tmp_path: Path) -> None:
+    """A sweep's shard removed the note of the race whose shards went on."""
+    race, sweep = Store(tmp_path / "out"), Store(tmp_path / "out")
+    with race.lock((1, 2), "race"):
+        race.open_for(plan_of(tmp_path / "spec"), None, "cpu")
+        with pytest.raises(Held, match=r"shard 1-of-2 is being worked on by process .*, for a "
+                           "race; wait for it, or choose another directory for the sweep"
+                           ), sweep.lock((2, 2)):
+            pass
+        with Store(tmp_path / "out").lock((2, 2), "race"):
+            pass
+    with sweep.lock((1, 2)), pytest.raises(Held, match="for a sweep"), race.lock((2, 2), "race"):
+        pass  # whatever an earlier run wrote into these locks
+
+
 def test_of_two_specs_that_begin_at_once_one_is_refused(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Both found an empty directory, and the units of one belonged to nobody."""
