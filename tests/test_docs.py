@@ -126,10 +126,10 @@ def test_light_commands_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                             capfd: pytest.CaptureFixture[str]) -> None:
     """Those that need no simulator, in order, as a reader would; sweeps run a stand-in."""
     sys.path.insert(0, str(ROOT / "tests/sweeps"))
-    from sweeps.cli import commands
     from sweeps.cli import main as cli
+    from sweeps.run import worker
 
-    monkeypatch.setattr(commands, "EPISODES", "curved_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "curved_episodes:run_episodes")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("WARPGRASP_QUIET", "1")
     for folder in ("sweeps/studies", "examples"):

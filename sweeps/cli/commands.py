@@ -15,6 +15,7 @@ from sweeps.cli.app import DONE, SOME_FAILED
 from sweeps.output import note, say, write_atomic
 from sweeps.race.race_note import end_race_note, race_state
 from sweeps.result_file import check_table, write_result
+from sweeps.run import worker
 from sweeps.run.grown_units import kept_units, reuse_units
 from sweeps.run.local_engine import UNIT_TIMEOUT_S, Options, run, terminated_as_interrupted
 from sweeps.run.plan import Plan, plan_study
@@ -22,7 +23,6 @@ from sweeps.run.progress import Progress, read_note
 from sweeps.run.race_record import RACE_NOTE, open_sweep, read_race_note
 from sweeps.run.scheduler import Outcome
 from sweeps.run.store import Store, damaged_notes, plan_of
-from sweeps.run.worker import EPISODES
 from sweeps.spec.errors import OtherStudy, StoreError
 from sweeps.spec.reader import read_spec, spec_text
 from sweeps.spec.search import refuse_search
@@ -42,7 +42,7 @@ def sweep(spec: Path, folder: Path, *, workers: int, shard: tuple[int, int], dev
           verify: bool = False, until: float | None = None, reuse: Sequence[Path] = ()) -> int:
     """Runs what is left of a study, then ranks it; `until` its best is known within so much. Units
     that are the same in the studies of `reuse` are taken from there."""
-    options = Options(workers, shard, device, EPISODES, unit_timeout_s, verify)
+    options = Options(workers, shard, device, worker.EPISODES, unit_timeout_s, verify)
     if until is not None:
         return _sweep_until(spec, folder, until, options, settings, as_json, engine, address)
     content = read_content(spec)

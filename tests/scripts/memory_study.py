@@ -32,10 +32,10 @@ name = "random6"
 def inner(spec: str, out: str) -> None:
     """Runs the study in this process and prints what it took."""
     sys.path.insert(0, str(HERE))
-    from sweeps.cli import commands
     from sweeps.cli import main as cli
+    from sweeps.run import worker
 
-    commands.EPISODES = "fake_episodes:run_episodes"
+    worker.EPISODES = "fake_episodes:run_episodes"
     began = time.monotonic()
     code = cli.run(["sweep", spec, "-o", out])
     usage = [resource.getrusage(who).ru_maxrss / 1024

@@ -36,8 +36,8 @@ episodes = 8
 "sensors.tendon_threshold_N" = { low = 1.0, high = 30.0 }
 "strategy.closings" = [["together"], ["curl40", "base_then_curl"]]
 """
-RUN = ("import sys; from sweeps.run import worker; from sweeps.cli import commands, main as cli; "
-       "worker.EPISODES = commands.EPISODES = 'fake_episodes:slow_episodes'; "
+RUN = ("import sys; from sweeps.cli import main as cli; from sweeps.run import worker; "
+       "worker.EPISODES = 'fake_episodes:slow_episodes'; "
        "cli.main(sys.argv[1:])")
 
 

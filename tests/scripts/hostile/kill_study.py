@@ -30,8 +30,8 @@ name = "ring6"
 [[strategy]]
 name = "random6"
 """
-RUN = ("import sys; from sweeps.cli import commands, main as cli; "
-       "commands.EPISODES = 'fake_episodes:logged_episodes'; cli.main(sys.argv[1:])")
+RUN = ("import sys; from sweeps.cli import main as cli; from sweeps.run import worker; "
+       "worker.EPISODES = 'fake_episodes:logged_episodes'; cli.main(sys.argv[1:])")
 
 
 def command(spec: Path, out: Path) -> list[str]:

@@ -18,8 +18,8 @@ from sweeps.analysis.sensitivity import (
     sensitivity_spec,
     sensitivity_table,
 )
-from sweeps.cli import commands
 from sweeps.cli.main import run
+from sweeps.run import worker
 from sweeps.run.plan import Plan, cell_hash, plan_study
 from sweeps.run.store import Store
 from sweeps.spec.reader import read_spec
@@ -179,7 +179,7 @@ def test_a_spec_of_another_kind_is_refused(tmp_path, capsys, text, says) -> None
 
 
 def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     spec = write_spec(tmp_path, SPEC + '"sensors.contact_estimator" = ["intrinsic", "fingertip"]')
     assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec", str(spec), "--episodes", "40",
                 "--json"]) == 0
@@ -191,7 +191,7 @@ def test_a_constant_may_be_a_text_and_episodes_are_as_asked(tmp_path, capsys, mo
 
 
 def test_names_break_no_table(tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     text = SPEC.replace('"ring6"', '"=a|b"\nwaypoints = { kind = "ring", count = 6 }') + THRESHOLD
     assert run(["sensitivity", "-o", str(tmp_path / "out"), "--spec",
                 str(write_spec(tmp_path, text))]) == 0

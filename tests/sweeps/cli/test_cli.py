@@ -27,7 +27,7 @@ FAKE = "fake_episodes:run_episodes"
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> None:
     """Sweeps of the command line run the stand-in."""
-    monkeypatch.setattr(commands, "EPISODES", FAKE)
+    monkeypatch.setattr(worker, "EPISODES", FAKE)
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,7 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The directory of a sweep to its end, to be copied."""
     folder = tmp_path_factory.mktemp("finished")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(commands, "EPISODES", FAKE)
+        patch.setattr(worker, "EPISODES", FAKE)
         assert cli.run(["sweep", str(write_spec(folder)), "-o", str(folder / "out")]) == 0
     return folder / "out"
 
@@ -161,7 +161,7 @@ def test_a_value_more_runs_only_its_own_units(
     for file in (tmp_path / "fresh/units").iterdir():
         assert (tmp_path / "new/units" / file.name).read_bytes() == file.read_bytes()
 
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:no_such_function")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:no_such_function")
     more = ["--reuse", str(old), "--reuse", str(tmp_path / "fresh")]
     assert cli.run([*words, str(tmp_path / "all"), *more]) == 0
     assert "16 of 16 units are taken from" in capsys.readouterr().err
@@ -322,8 +322,8 @@ def start(tmp_path: Path, **environment: str) -> subprocess.Popen[str]:
     spec = write_spec(tmp_path, BIG)
     # Tests that a shell started in the background ignore SIGINT; so would the sweep.
     code = ("import signal, sys; signal.signal(signal.SIGINT, signal.default_int_handler); "
-            "from sweeps.cli import commands, main as cli; "
-            "commands.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
+            "from sweeps.cli import main as cli; from sweeps.run import worker; "
+            "worker.EPISODES = 'fake_episodes:slow_episodes'; cli.main(sys.argv[1:])")
     return subprocess.Popen(
         [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out"),
          "--workers", "2"], text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
@@ -382,8 +382,8 @@ def test_a_terminal_gets_a_bar_and_the_results_stay_clean(tmp_path: Path) -> Non
     """On a terminal stderr shows a bar; stdout holds the leaderboard alone."""
     spec = write_spec(tmp_path)
     parent, child = os.openpty()
-    code = ("import sys; from sweeps.cli import commands, main as cli; "
-            "commands.EPISODES = 'fake_episodes:run_episodes'; cli.main(sys.argv[1:])")
+    code = ("import sys; from sweeps.cli import main as cli; from sweeps.run import worker; "
+            "worker.EPISODES = 'fake_episodes:run_episodes'; cli.main(sys.argv[1:])")
     process = subprocess.Popen(
         [sys.executable, "-c", code, "sweep", str(spec), "-o", str(tmp_path / "out")], text=True,
         stdout=subprocess.PIPE, stderr=child, stdin=subprocess.DEVNULL,

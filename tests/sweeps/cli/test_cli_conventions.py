@@ -17,10 +17,11 @@ import warpgrasp
 from sweeps import __main__ as entry_point
 from sweeps.analysis import tables
 from sweeps.analysis.arrow import read_rows
-from sweeps.cli import commands, look
+from sweeps.cli import look
 from sweeps.cli import main as cli
 from sweeps.cli.tools import doctor
 from sweeps.figures import kinds as figures
+from sweeps.run import worker
 
 
 def test_doctor_finds_what_is_there(capsys: pytest.CaptureFixture[str]) -> None:
@@ -151,7 +152,7 @@ def test_other_shells_have_a_script(shell: str, capsys: pytest.CaptureFixture[st
 
 def test_quiet_leaves_only_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                    capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     monkeypatch.setenv("WARPGRASP_QUIET", "")
     spec = write_spec(tmp_path, SMALL)
     assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "out"), "--quiet"]) == 0

@@ -27,8 +27,7 @@ def test_the_text_that_was_read_is_kept(tmp_path: Path, monkeypatch: pytest.Monk
         spec.write_text("no spec")
         return plan.plan_study(study)
 
-    for module in (commands, worker):
-        monkeypatch.setattr(module, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     monkeypatch.setattr(room, "plan_study", edited_meanwhile)
     assert cli.run([words[0], str(spec), "-o", str(out), *words[1:]]) == 0
     assert spec.read_text() == "no spec"

@@ -13,7 +13,6 @@ from json_rows import NAMES, assert_same_cells, csv_rows
 from studies import SMALL, write_spec
 
 from sweeps.analysis import tables
-from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.cli.app import app
 from sweeps.run import worker
@@ -90,8 +89,7 @@ def test_a_comparison_has_the_numbers_of_its_csv(study: Path, tmp_path: Path,
 def test_names_that_look_like_numbers_remain_names(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
-    for module in (commands, worker):
-        monkeypatch.setattr(module, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
     spec, out = write_spec(tmp_path, ODD), tmp_path / "out"
     assert {row["strategy"] for row in told(capsys, "sweep", spec, "-o", out)} >= {"12", "mine"}
     rows = told(capsys, "table", out, "objects")

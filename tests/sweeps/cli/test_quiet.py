@@ -11,7 +11,6 @@ from places import ROOT
 from studies import SMALL, write_spec
 
 from sweeps.analysis.rerun_episode import WorkerDied
-from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.report import views
 from sweeps.run import worker
@@ -31,8 +30,7 @@ SWEPT = """
 def anew(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each test begins as if the option had not been given, with stand-ins for episodes."""
     monkeypatch.setenv("WARPGRASP_QUIET", "")
-    for module in (commands, worker):
-        monkeypatch.setattr(module, "EPISODES", "fake_episodes:run_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:run_episodes")
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +73,7 @@ def test_without_it_outcomes_are_told(tmp_path: Path, capsys: pytest.CaptureFixt
 def test_units_that_failed_are_told_all_the_same(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
         capsys: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:deadly_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:deadly_episodes")
     spec = write_spec(tmp_path, SMALL.replace('"wedge"', '"lightbulb"'))
     assert cli.run(["sweep", str(spec), "-o", str(tmp_path / "out"), "--quiet"]) == 1
     said = capsys.readouterr().err

@@ -127,8 +127,8 @@ def test_kernels_that_are_kept_are_not_loaded_ahead(monkeypatch: pytest.MonkeyPa
 
 def test_the_parent_of_a_sweep_simulates_nothing(tmp_path: Path) -> None:
     found = modules_after(
-        "from sweeps.cli import commands, main as cli; "
-        "commands.EPISODES = 'fake_episodes:run_episodes'; "
+        "from sweeps.cli import main as cli; from sweeps.run import worker; "
+        "worker.EPISODES = 'fake_episodes:run_episodes'; "
         "cli.run(sys.argv[1:])", "sweep", str(write_spec(tmp_path)), "-o", str(tmp_path / "out"))
     assert "sweeps.analysis.leaderboard" in found
     assert (tmp_path / "out" / "leaderboard.csv").exists()

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from studies import write_spec
 
-from sweeps.cli import commands
 from sweeps.cli import main as cli
+from sweeps.run import worker
 from sweeps.run.store import Store, plan_of
 
 SPEC = """\
@@ -28,7 +28,7 @@ FAKE = "fake_episodes:run_episodes"
 
 @pytest.fixture(autouse=True)
 def _fake(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(commands, "EPISODES", FAKE)
+    monkeypatch.setattr(worker, "EPISODES", FAKE)
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +36,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
     """A sweep until the best was known, and what it printed."""
     folder, printed = tmp_path_factory.mktemp("until"), io.StringIO()
     with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-        patch.setattr(commands, "EPISODES", FAKE)
+        patch.setattr(worker, "EPISODES", FAKE)
         assert until(write_spec(folder, SPEC), folder / "whole", "--json") == 0
     return folder / "whole", printed.getvalue()
 

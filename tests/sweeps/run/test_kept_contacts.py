@@ -8,9 +8,8 @@ import numpy as np
 import pytest
 from studies import SMALL, board, contents, plan_of, run_in
 
-from sweeps.cli import commands
 from sweeps.cli import main as cli
-from sweeps.run import unit_file
+from sweeps.run import unit_file, worker
 from sweeps.run.estimate import estimate_cost
 from sweeps.run.plan import Plan
 from sweeps.run.store import Store, open_study
@@ -66,7 +65,7 @@ def test_every_contact_of_every_episode_is_there(tmp_path: Path) -> None:
 def test_a_study_that_keeps_them_from_now_on_makes_what_is_missing(
         tmp_path: Path, capsys: pytest.CaptureFixture[str],
         monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(commands, "EPISODES", "fake_episodes:touching_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:touching_episodes")
     out, spec = tmp_path / "out", tmp_path / "spec.toml"
     spec.write_text(SMALL)
     assert cli.run(["sweep", str(spec), "-o", str(out)]) == 0

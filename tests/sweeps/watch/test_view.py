@@ -15,7 +15,6 @@ from studies import fill, plan_of, write_spec
 
 from sweeps.analysis.curves import mean_curve, read_curves
 from sweeps.analysis.leaderboard import make_leaderboard
-from sweeps.cli import commands
 from sweeps.cli import main as cli
 from sweeps.run import worker
 from sweeps.run.race_record import read_race_note
@@ -87,8 +86,7 @@ def test_touches_are_means_over_objects_as_in_the_leaderboard(tmp_path: Path) ->
 @pytest.mark.parametrize("command", [("sweep",), ("race", "--within", "0.3")])
 def test_what_is_wrong_with_a_strategy_is_said(
         tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...]) -> None:
-    for room in (worker, commands):
-        monkeypatch.setattr(room, "EPISODES", "fake_episodes:faulty_episodes")
+    monkeypatch.setattr(worker, "EPISODES", "fake_episodes:faulty_episodes")
     spec, out = write_spec(tmp_path, SPEC.replace("= 130", "= 4")), tmp_path / "out"
     assert cli.run([command[0], str(spec), "-o", str(out), *command[1:]]) == 0
     state = View(out, "chamfer_mm").state()
