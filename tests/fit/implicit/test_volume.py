@@ -26,6 +26,7 @@ def test_many_touches_do_not_make_a_body_smaller(count: int) -> None:
     assert np.mean((low < true) & (true < high)) >= 0.5
 
 
+@pytest.mark.slow
 def test_volumes_are_those_of_zero_sets_however_coarse_the_mesh() -> None:
     """Triangles are chords; what a grid or the table cuts off stays cut off."""
     draw = np.random.default_rng(5)

@@ -98,6 +98,7 @@ def test_it_finds_a_hammer_that_rings_miss_and_not_by_the_batch() -> None:
         assert rows[name][1] == alone[name][0], name
 
 
+@pytest.mark.slow
 def test_where_touches_are_limited_fingers_that_would_find_little_stay_open() -> None:
     """And cost nothing: more poses are made of as many touches. Time is spent by poses."""
     limited = replace(STRATEGIES["any-object"], touches=32)

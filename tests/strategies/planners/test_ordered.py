@@ -64,6 +64,7 @@ def test_what_finds_nothing_is_not_done_again_at_once() -> None:
         ["contour"] * 2, ["grasp"] * 2, ["contour faces"] * 2]
 
 
+@pytest.mark.slow
 def test_an_object_that_lies_is_found_where_grasps_find_little() -> None:
     table = family_table("hammer-11")
     assert table is not None

@@ -116,6 +116,7 @@ def test_what_was_learned_is_named_by_what_was_felt(
         assert (found.name[:10] == "block").all()
 
 
+@pytest.mark.slow
 def test_an_object_recovered_in_every_other_pair_of_episodes_is_learned() -> None:
     """By the first half nothing is known of it: the second says nothing of temperatures then."""
     lessons = []

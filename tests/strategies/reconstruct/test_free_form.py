@@ -78,6 +78,7 @@ def test_the_record_of_a_free_form_has_its_interval_once() -> None:
     assert interval["interval_trusted"] is False
 
 
+@pytest.mark.slow
 def test_a_free_form_that_contacts_lie_off_does_not_stand(
     monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -52,6 +52,7 @@ def test_a_mesh_of_parts_has_the_volume_of_their_union() -> None:
     assert mesh.volume_m3 == pytest.approx(rod + 4 / 3 * np.pi * 0.02**3, rel=0.03)
 
 
+@pytest.mark.slow
 def test_a_robot_that_does_not_know_the_table_takes_parts_above_and_below_it() -> None:
     """The same contacts farther up and farther down: the same parts there."""
     unknown, on_it = replace(TABLE, table_plane=False), hammer()

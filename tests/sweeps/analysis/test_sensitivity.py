@@ -81,6 +81,7 @@ def test_what_is_sure_depends_on_how_much_is_compared() -> None:
         [*ttest_1samp(episodes[0], 0.0, alternative="greater")], rel=1e-4)
 
 
+@pytest.mark.slow
 def test_hardly_any_table_swaps_strategies_that_are_equal() -> None:
     """By default they are far apart, in sixty settings equal; one object has twenty times the
     spread. With the degrees of freedom of all objects half of the tables had a swap."""

@@ -63,6 +63,7 @@ def test_the_few_that_touch_most_are_compared_by_their_bodies(monkeypatch: pytes
     assert compared == [0, *range(19, 19 - FEW, -1)]
 
 
+@pytest.mark.slow
 def test_a_thumb_in_the_way_is_found_by_trial(monkeypatch: pytest.MonkeyPatch) -> None:
     """The hand that ships, and one whose thumb lies across the palm."""
     monkeypatch.setattr(hand_trials, "FIRST_BODIES", ("block",))
@@ -76,6 +77,7 @@ def test_a_thumb_in_the_way_is_found_by_trial(monkeypatch: pytest.MonkeyPatch) -
     assert best_guess(barred, [HAND])[0] == HAND
 
 
+@pytest.mark.slow
 def test_a_trial_is_the_same_each_time() -> None:
     once = tried(HAND, ("block",), 2)
     assert once == tried(HAND, ("block",), 2)

@@ -105,7 +105,7 @@ def test_a_front_counts_entries_that_have_no_place(lacks: str, legend: set[str])
 
 
 def test_levels_have_ticks_at_the_values_that_were_swept(tmp_path: Path) -> None:
-    plan, store = wide_study(tmp_path, wide_text(3, 3, 4, """
+    plan, store = wide_study(tmp_path, wide_text(2, 2, 3, """
 [sweep.grid]
 "sensors.tendon_threshold_N" = [3.0, 12.0]
 "contact.friction" = [0.001, 0.01, 0.1, 1.0]
@@ -133,7 +133,8 @@ def confusion(known: int, others: int) -> Confusion:
                      {"ring4": 0.7}, ())
 
 
-@pytest.mark.parametrize(("known", "others"), [(1, 0), (5, 24), (11, 0), (40, 24)])
+@pytest.mark.parametrize(("known", "others"), [
+    (1, 0), (5, 24), (11, 0), pytest.param(40, 24, marks=pytest.mark.slow)])
 def test_a_confusion_matrix_of_many_objects_is_readable(known: int, others: int) -> None:
     drawn = draw_confusion(confusion(known, others))
     looks_right(drawn)

@@ -40,6 +40,7 @@ def test_bottles_are_read_in_both_ways() -> None:
     assert {row[-1] for row in rows} == {rows[0][3]}
 
 
+@pytest.mark.slow
 def test_a_row_of_stereo_says_what_is_switched_on() -> None:
     chosen = [views()[0], views()[-1]]
     rows = stereo_rows(see_objects(1, chosen))

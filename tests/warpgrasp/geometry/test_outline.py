@@ -32,7 +32,9 @@ def test_a_superquadric_reaches_as_far_as_its_formula() -> None:
     assert np.abs((outline_of(body) * way).sum(1) - true).max() < 1e-5
 
 
-@pytest.mark.parametrize("name", ["mug-1", "hammer-1", "toy-1"])
+@pytest.mark.parametrize("name", [
+    pytest.param("mug-1", marks=pytest.mark.slow), "hammer-1",
+    pytest.param("toy-1", marks=pytest.mark.slow)])
 def test_no_place_of_a_body_lies_beyond_its_outline(name: str) -> None:
     """Of compounds with edges, by points that fill a box and distances alone."""
     body = body_from_table(family_table(name), Path())
