@@ -310,8 +310,8 @@ class Store:
                            f"{holder or 'another run'}, and has units of shard {shard[0]}/"
                            f"{shard[1]}; wait for it, or give all runs the same N in --shard I/N")
             if other != str(shard[0]) and theirs not in ("", command):
-                raise Held(f"{self.folder}: shard {name} is being worked on by {holder}, for a "
-                           f"{theirs}; wait for it, or choose another directory for the {command}")
+                raise Held(f"{self.folder}: shard {other}/{count} is being worked on by {holder} "
+                           f"for a {theirs}; wait for it, or choose another directory")
 
     def holders(self, unknown: bool = False) -> dict[str, str]:
         """Who works on this directory right now, by shard (`1-of-3`); see `held_locks`."""

@@ -318,8 +318,8 @@ def test_a_sweep_and_a_race_do_not_work_beside_each_other(tmp_path: Path) -> Non
     race, sweep = Store(tmp_path / "out"), Store(tmp_path / "out")
     with race.lock((1, 2), "race"):
         race.open_for(plan_of(tmp_path / "spec"), None, "cpu")
-        with pytest.raises(Held, match=r"shard 1-of-2 is being worked on by process .*, for a "
-                           "race; wait for it, or choose another directory for the sweep"
+        with pytest.raises(Held, match=r"shard 1/2 is being worked on by process .* for a "
+                           "race; wait for it, or choose another directory"
                            ), sweep.lock((2, 2)):
             pass
         with Store(tmp_path / "out").lock((2, 2), "race"):
